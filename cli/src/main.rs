@@ -1,0 +1,2 @@
+//! Flashmat on the desktop.
+fn main() {}

@@ -1,0 +1,1 @@
+//! Host harness of Flashmat: what several test programs share.
