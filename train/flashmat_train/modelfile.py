@@ -1,9 +1,8 @@
 """Writer and reader of Flashmat's model file (`docs/model-format.md`), in numpy only.
 
 The mirror of `core/src/net/format.rs` and `graph.rs`. Arrays go in and come out in their plain layouts
-(convolution weights `[cout][kh][kw][cin]`, channels of the first source before those of the second); packing for
-the kernels happens here. `write_model` checks shapes and types, so that a file it wrote is one the Rust loader
-accepts.
+(convolution weights `[cout][kh][kw][cin]`, channels of the first source before those of the second); packing
+for the kernels happens here. `write_model` checks shapes and types, so that the Rust loader takes its files.
 """
 
 from __future__ import annotations
@@ -44,7 +43,7 @@ class ModelFileError(ValueError):
 
 @dataclass(frozen=True)
 class Tensor:
-    """A value of the graph. `divisor` d: (n/d) x (n/d) pixels for an n x n input; real = scale * (q - zero_point).
+    """A value of the graph. `divisor` d: n/d pixels a side for n of input; real = scale * (q - zero_point).
 
     `divisor` 0: a float vector (the classifier's); scale and zero point are then 1 and 0.
     """
@@ -80,9 +79,8 @@ class Conv:
     stride: int = 1
     pad: Pad = (1, 1, 1, 1)
     relu: bool = True
-    weight: Array | None = (
-        None  # f32 [cout][kh][kw][cin_total], real units, batch norm folded: the float engine's
-    )
+    # The float engine\'s: f32 [cout][kh][kw][cin_total], real units, batch norm folded.
+    weight: Array | None = None
     bias: Array | None = None  # f32 [cout]
 
 
@@ -313,10 +311,9 @@ def _layer_record(graph: Graph, ids: dict[str, int], layer: Layer, sections: dic
         _require(
             cout == MAP_CHANNELS[layer.map] * layer.shuffle**2, f"{layer.name}: N * r * r channels expected"
         )
-        _require(
-            layer.weight.shape[0] == 8 and layer.bias.shape == (8, cout),
-            f"{layer.name}: eight sets of weights",
-        )
+        classes = layer.weight.shape[0]
+        _require(classes in (1, 8), f"{layer.name}: one or eight sets of weights")
+        _require(layer.bias.shape == (classes, cout), f"{layer.name}: one bias per set and channel")
         fields[0], fields[5], fields[8] = OP_MIX_HEAD, NONE, 1
         fields[14], fields[15], fields[16] = layer.shuffle, MAP_CODES[layer.map], classes
         fields[18], fields[19] = params.add(layer.weight, "<f4"), params.add(layer.bias, "<f4")

@@ -1,4 +1,4 @@
-"""A tiny random network in the model file's terms: every kind of layer, odd channel counts and zero points."""
+"""A small random net in the model file's terms: every kind of layer, odd channel counts and zero points."""
 
 from __future__ import annotations
 
