@@ -79,7 +79,7 @@ class Conv:
     stride: int = 1
     pad: Pad = (1, 1, 1, 1)
     relu: bool = True
-    # The float engine\'s: f32 [cout][kh][kw][cin_total], real units, batch norm folded.
+    # The float engine's: f32 [cout][kh][kw][cin_total], real units, batch norm folded.
     weight: Array | None = None
     bias: Array | None = None  # f32 [cout]
 

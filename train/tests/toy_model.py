@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from flashmat_train.int8_reference import network_input, run_float
 from flashmat_train.modelfile import (
     INPUT_SCALE,
     INPUT_ZERO_POINT,
     MAP_CHANNELS,
+    Conv,
     Defaults,
     Dense,
     Graph,
@@ -24,8 +26,9 @@ from flashmat_train.modelfile import (
 class ToyBuilder:
     """Collects tensors and layers with random weights of a given seed."""
 
-    def __init__(self, seed: int) -> None:
+    def __init__(self, seed: int, ranges: dict[str, tuple[float, float]]) -> None:
         self.rng = np.random.default_rng(seed)
+        self.ranges = ranges  # of each convolution's output; missing: (0, 2)
         self.tensors = {"input": Tensor("input", 5, 1, INPUT_SCALE, INPUT_ZERO_POINT)}
         self.layers: list[Layer] = []
 
@@ -38,13 +41,14 @@ class ToyBuilder:
         stride: int = 1,
         pad: tuple[int, int, int, int] = (1, 1, 1, 1),
         relu: bool = True,
-        zero_point: int = -128,
     ) -> str:
         """Adds a convolution and its output tensor; returns the tensor's name."""
         read = [self.tensors[s.tensor] for s in sources]
         cin = sum(tensor.channels for tensor in read)
         divisor = read[0].divisor // (2 if sources[0].upsample else 1) * stride
-        scale = float(np.float32(self.rng.uniform(0.008, 0.016)))
+        low, high = self.ranges.get(name, (0.0, 2.0))
+        scale = float(np.float32((high - low) / 255))
+        zero_point = int(np.rint(-128 - low / scale))
         self.tensors[name] = Tensor(name, channels, divisor, scale, zero_point)
         weight = self.rng.normal(0, 1.6 / np.sqrt(cin * kernel[0] * kernel[1]), (channels, *kernel, cin))
         bias = self.rng.normal(0, 0.3, channels)
@@ -86,16 +90,41 @@ class ToyBuilder:
         )
 
 
-def toy_model(seed: int = 7) -> Model:
-    """Three levels deep; concatenation, up-sampling, asymmetric padding, 1x1, a layer without ReLU."""
-    toy = ToyBuilder(seed)
-    low = toy.conv("enc1", (Source("input"),), 12, (4, 4), 2)
-    mid = toy.conv("enc2", (Source(low),), 21, (4, 4), 2)
-    deep = toy.conv("enc3", (Source(mid),), 34, (3, 3), 2, (0, 0, 1, 1), relu=False, zero_point=11)
-    deep = toy.conv("enc4", (Source(deep),), 18, (1, 1), 1, (0, 0, 0, 0), zero_point=-128)
+def _build(seed: int, ranges: dict[str, tuple[float, float]]) -> Model:
+    toy = ToyBuilder(seed, ranges)
+    low = toy.conv("enc1", (Source("input"),), 6, (4, 4), 2)
+    mid = toy.conv("enc2", (Source(low),), 13, (4, 4), 2)
+    deep = toy.conv("enc3", (Source(mid),), 34, (3, 3), 2, (0, 0, 1, 1), relu=False)
+    deep = toy.conv("enc4", (Source(deep),), 18, (1, 1), 1, (0, 0, 0, 0))
     toy.classifier(deep, 24)
-    for kind, width in (("albedo", 17), ("normal", 16), ("roughness", 9)):
-        up = toy.conv(f"{kind}1", (Source(deep, True), Source(mid)), width + 3)
+    for kind, width in (("albedo", 9), ("normal", 8), ("roughness", 5)):
+        up = toy.conv(f"{kind}1", (Source(deep, True), Source(mid)), width + 7)
         up = toy.conv(f"{kind}2", (Source(up, True), Source(low)), width)
         toy.head(kind, (Source(up),), 2)
     return toy.model("toy")
+
+
+def smooth_photo(size: int = 128, seed: int = 5) -> np.ndarray:
+    """Smooth random planar linear RGB."""
+    rng = np.random.default_rng(seed)
+    coarse = rng.uniform(0, 1, (3, 9, 9))
+    at = np.linspace(0, 8, size)
+    rows = np.stack([[np.interp(at, range(9), line) for line in plane] for plane in coarse])
+    full = np.stack([[np.interp(at, range(9), column) for column in plane.T] for plane in rows])
+    return (full.transpose(0, 2, 1) ** 2).astype(np.float32)
+
+
+def toy_model(seed: int = 7) -> Model:
+    """Three levels deep; concatenation, up-sampling, asymmetric padding, 1x1, a layer without ReLU.
+
+    The activations' scales are measured on `smooth_photo` with the float weights, as the exporter does it.
+    """
+    draft = _build(seed, {})
+    result = run_float(draft.graph, network_input(smooth_photo()))
+    ranges = {
+        layer.output: (min(0.0, float(out.min())), float(out.max()))
+        for layer in draft.graph.layers
+        if isinstance(layer, Conv)
+        for out in [result.tensors[layer.output]]
+    }
+    return _build(seed, ranges)
