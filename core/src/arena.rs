@@ -41,10 +41,8 @@ impl<'a> Arena<'a> {
         self.rest = rest;
         self.used += needed;
         let (_, aligned) = front.split_at_mut(skip);
-        bytemuck::try_cast_slice_mut(aligned).map_err(|_| Error::WorkspaceTooSmall {
-            needed: self.used,
-            available: self.total,
-        })
+        bytemuck::try_cast_slice_mut(aligned)
+            .map_err(|_| Error::WorkspaceTooSmall { needed: self.used, available: self.total })
     }
 
     /// Takes `len` values of `T` and sets them to zero.

@@ -14,6 +14,53 @@ pub enum Error {
     },
     /// The observer asked to stop.
     Cancelled,
+    /// The photo has no pixels.
+    FrameEmpty,
+    /// The photo's sides, or its bytes, exceed what can be addressed.
+    FrameTooLarge,
+    /// Rows or pixels overlap: a stride is smaller than what it steps over. Counted in the plane's values.
+    FrameStride {
+        /// Smallest stride that would do.
+        needed: usize,
+        /// The stride given.
+        given: usize,
+    },
+    /// A plane's buffer ends before its last pixel. Counted in the plane's values.
+    FrameBuffer {
+        /// Fewest values that would do.
+        needed: usize,
+        /// Values given.
+        given: usize,
+    },
+    /// A float pixel is NaN, infinite or negative.
+    FramePixel {
+        /// Column, from the left.
+        x: usize,
+        /// Row, from the top.
+        y: usize,
+    },
+    /// A field of view outside 1 to 170 degrees, or a focal length outside 1 to 5000 mm.
+    FieldOfView,
+    /// A size in pixels, or a row, that is 0, too large or outside.
+    Size {
+        /// The size given.
+        size: usize,
+    },
+    /// A plane of pixels is shorter or longer than its size says.
+    PlaneLength {
+        /// Values that it should have.
+        needed: usize,
+        /// Values that it has.
+        given: usize,
+    },
+    /// The light or the camera is not above the plane, or not finite.
+    LightBelowPlane,
+    /// Every pixel is clipped, or the predicted image is black: nothing to compare.
+    NoUsablePixels,
+    /// The photo is black where it is not clipped.
+    PhotoBlack,
+    /// The system gave no threads.
+    Threads,
 }
 
 impl fmt::Display for Error {
@@ -24,6 +71,35 @@ impl fmt::Display for Error {
                 "workspace too small: {needed} bytes needed, {available} given; ask workspace_bytes() before the run"
             ),
             Self::Cancelled => f.write_str("cancelled by the observer"),
+            Self::FrameEmpty => f.write_str("the photo has no pixels: width and height must be at least 1"),
+            Self::FrameTooLarge => f.write_str("the photo's size exceeds what can be addressed"),
+            Self::FrameStride { needed, given } => {
+                write!(f, "stride too small: {given} given, at least {needed} needed")
+            }
+            Self::FrameBuffer { needed, given } => {
+                write!(f, "pixel buffer too short: {given} values given, at least {needed} needed")
+            }
+            Self::FramePixel { x, y } => {
+                write!(
+                    f,
+                    "pixel ({x}, {y}) is NaN, infinite or negative; linear light is finite and at least 0"
+                )
+            }
+            Self::FieldOfView => f.write_str(
+                "field of view must be 1 to 170 degrees, a focal length 1 to 5000 mm (35 mm equivalent)",
+            ),
+            Self::Size { size } => write!(f, "size {size} is not supported here"),
+            Self::PlaneLength { needed, given } => {
+                write!(f, "plane of {given} values given where {needed} are needed")
+            }
+            Self::LightBelowPlane => {
+                f.write_str("light and camera must be above the plane (z > 0) and finite")
+            }
+            Self::NoUsablePixels => f.write_str(
+                "every pixel is overexposed: nothing to compare; take the photo with less exposure",
+            ),
+            Self::PhotoBlack => f.write_str("the photo is black; take it with the flash on or more exposure"),
+            Self::Threads => f.write_str("the system gave no threads"),
         }
     }
 }

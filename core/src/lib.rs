@@ -20,7 +20,14 @@ extern crate alloc;
 extern crate std;
 
 pub mod arena;
+pub mod brdf;
 mod error;
+pub mod exec;
+pub mod frame;
+pub mod maps;
 pub mod math;
+mod observer;
+pub mod search;
 
 pub use error::Error;
+pub use observer::{Observer, Silent, Stage};

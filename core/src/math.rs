@@ -1,5 +1,8 @@
 //! Transcendental functions, from `libm` in every build, so that `std` and `no_std` give the same bits.
-pub use libm::{atan2f, ceilf, cosf, expf, fabsf, floorf, log2f, logf, powf, rintf, sinf, sqrtf, tanf, tanhf};
+pub use libm::{
+    atan2f, atanf, ceilf, cosf, exp2f, expf, fabsf, floorf, log2f, logf, powf, rintf, sinf, sqrtf, tanf,
+    tanhf,
+};
 
 /// The logistic function 1 / (1 + e^-x), in (0,1).
 #[must_use]

@@ -1,0 +1,223 @@
+//! Deterministic parallelism over row blocks: cut the output planes into blocks of rows, run them in any order.
+//!
+//! An [`Executor`] only knows how to run two closures, maybe at once; [`for_each_row_block`] cuts everything else
+//! recursively with `split_at_mut`, so no `unsafe` is needed and nothing is allocated. Block borders depend on the
+//! sizes alone, never on the number of threads, and every row is written by one closure call: the result has the same
+//! bits on every executor. Reductions write one partial value per row and add them up in order afterwards.
+use core::ops::Range;
+
+/// Rows per block that suit most stages: small enough to share out, large enough to hide the call.
+pub const ROWS_PER_BLOCK: usize = 8;
+
+/// Runs two closures, one after the other or at once.
+pub trait Executor: Sync {
+    /// Calls each of `a` and `b` once and returns when both are done.
+    fn join(&self, a: &mut (dyn FnMut() + Send), b: &mut (dyn FnMut() + Send));
+}
+
+/// The default executor: everything on the calling thread.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Inline;
+
+impl Executor for Inline {
+    fn join(&self, a: &mut (dyn FnMut() + Send), b: &mut (dyn FnMut() + Send)) {
+        a();
+        b();
+    }
+}
+
+/// A rayon thread pool of its own (feature `parallel`).
+///
+/// Rayon allocates when the pool is built and may allocate in its job queue; the pipeline itself does not.
+#[cfg(feature = "parallel")]
+#[derive(Debug)]
+pub struct Pool(rayon::ThreadPool);
+
+#[cfg(feature = "parallel")]
+impl Pool {
+    /// A pool of `threads` threads (0: one per CPU).
+    ///
+    /// # Errors
+    /// [`Error::Threads`](crate::Error::Threads) when the system gives no threads.
+    pub fn new(threads: usize) -> Result<Self, crate::Error> {
+        rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .build()
+            .map(Self)
+            .map_err(|_| crate::Error::Threads)
+    }
+
+    /// Threads in the pool.
+    #[must_use]
+    pub fn threads(&self) -> usize {
+        self.0.current_num_threads()
+    }
+}
+
+#[cfg(feature = "parallel")]
+impl Executor for Pool {
+    fn join(&self, a: &mut (dyn FnMut() + Send), b: &mut (dyn FnMut() + Send)) {
+        self.0.install(|| rayon::join(a, b));
+    }
+}
+
+/// Outputs that can be cut between two rows: a [`Plane`], or a tuple or array of such.
+pub trait Rows: Send + Sized {
+    /// Cuts before `row`; a `row` past the end gives an empty second part.
+    fn split_rows(self, row: usize) -> (Self, Self);
+}
+
+/// Mutable rows of `width` values each, one after the other.
+#[derive(Debug)]
+pub struct Plane<'a, T> {
+    data: &'a mut [T],
+    width: usize,
+}
+
+impl<'a, T> Plane<'a, T> {
+    /// Rows of `width` values over `data`; values past the last whole row are never touched.
+    #[must_use]
+    pub fn new(data: &'a mut [T], width: usize) -> Self {
+        Self { data, width: width.max(1) }
+    }
+
+    /// The rows, in order.
+    pub fn rows(&mut self) -> core::slice::ChunksExactMut<'_, T> {
+        self.data.chunks_exact_mut(self.width)
+    }
+
+    /// All values of the block.
+    pub fn values(&mut self) -> &mut [T] {
+        self.data
+    }
+}
+
+/// Three planes stored one after the other in `data`, `width` values to a row and `rows` rows each.
+///
+/// Planes past the end of `data` come out short; callers check lengths up front.
+#[must_use]
+pub fn planes3<T>(data: &mut [T], width: usize, rows: usize) -> [Plane<'_, T>; 3] {
+    let size = width.saturating_mul(rows);
+    let (x, rest) = data.split_at_mut(size.min(data.len()));
+    let (y, z) = rest.split_at_mut(size.min(rest.len()));
+    [Plane::new(x, width), Plane::new(y, width), Plane::new(z, width)]
+}
+
+impl<T: Send> Rows for Plane<'_, T> {
+    fn split_rows(self, row: usize) -> (Self, Self) {
+        let at = row.saturating_mul(self.width).min(self.data.len());
+        let (a, b) = self.data.split_at_mut(at);
+        (Self { data: a, width: self.width }, Self { data: b, width: self.width })
+    }
+}
+
+impl<R: Rows> Rows for [R; 3] {
+    fn split_rows(self, row: usize) -> (Self, Self) {
+        let [x, y, z] = self;
+        let ((x0, x1), (y0, y1), (z0, z1)) = (x.split_rows(row), y.split_rows(row), z.split_rows(row));
+        ([x0, y0, z0], [x1, y1, z1])
+    }
+}
+
+impl<A: Rows, B: Rows> Rows for (A, B) {
+    fn split_rows(self, row: usize) -> (Self, Self) {
+        let ((a0, a1), (b0, b1)) = (self.0.split_rows(row), self.1.split_rows(row));
+        ((a0, b0), (a1, b1))
+    }
+}
+
+impl<A: Rows, B: Rows, C: Rows> Rows for (A, B, C) {
+    fn split_rows(self, row: usize) -> (Self, Self) {
+        let ((a0, a1), (b0, b1), (c0, c1)) =
+            (self.0.split_rows(row), self.1.split_rows(row), self.2.split_rows(row));
+        ((a0, b0, c0), (a1, b1, c1))
+    }
+}
+
+/// Calls `body(rows, block)` for every block of at most `block` of the `rows` rows; `block` holds the same rows of
+/// every output plane.
+pub fn for_each_row_block<R: Rows>(
+    exec: &dyn Executor,
+    rows: usize,
+    block: usize,
+    out: R,
+    body: &(dyn Fn(Range<usize>, R) + Sync),
+) {
+    run(exec, 0..rows, block.max(1), out, body);
+}
+
+fn run<R: Rows>(
+    exec: &dyn Executor,
+    rows: Range<usize>,
+    block: usize,
+    out: R,
+    body: &(dyn Fn(Range<usize>, R) + Sync),
+) {
+    let blocks = rows.len().div_ceil(block);
+    if blocks <= 1 {
+        if !rows.is_empty() {
+            body(rows, out);
+        }
+        return;
+    }
+    let half = blocks / 2 * block;
+    let middle = rows.start + half;
+    let (top, bottom) = out.split_rows(half);
+    let (mut top, mut bottom) = (Some(top), Some(bottom));
+    exec.join(
+        &mut || {
+            if let Some(out) = top.take() {
+                run(exec, rows.start..middle, block, out, body);
+            }
+        },
+        &mut || {
+            if let Some(out) = bottom.take() {
+                run(exec, middle..rows.end, block, out, body);
+            }
+        },
+    );
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::vec;
+    use std::vec::Vec;
+
+    fn fill(exec: &dyn Executor, rows: usize, width: usize, block: usize) -> (Vec<u32>, Vec<u8>) {
+        let (mut a, mut b) = (vec![0_u32; 3 * rows * width], vec![0_u8; rows]);
+        let out = (planes3(&mut a, width, rows), Plane::new(&mut b, 1));
+        for_each_row_block(exec, rows, block, out, &|range, (mut abc, mut flags)| {
+            assert!(range.len() <= block);
+            for (p, plane) in abc.iter_mut().enumerate() {
+                for (row, values) in range.clone().zip(plane.rows()) {
+                    for (x, value) in values.iter_mut().enumerate() {
+                        *value += u32::try_from(1 + x + width * (row + rows * p)).unwrap_or(0);
+                    }
+                }
+            }
+            flags.values().iter_mut().for_each(|f| *f += 1);
+        });
+        (a, b)
+    }
+
+    #[test]
+    fn every_row_of_every_plane_is_visited_once() {
+        for (rows, width, block) in [(1, 1, 1), (7, 3, 2), (8, 5, 8), (33, 2, 4), (5, 4, 100)] {
+            let (a, b) = fill(&Inline, rows, width, block);
+            assert!(a.iter().enumerate().all(|(i, &v)| v as usize == i + 1), "{rows} {width} {block}");
+            assert!(b.iter().all(|&f| f == 1), "{rows} {width} {block}");
+        }
+        fill(&Inline, 0, 3, 2);
+    }
+
+    #[cfg(feature = "parallel")]
+    #[test]
+    fn a_pool_gives_what_inline_gives() {
+        for threads in [1, 2, 5] {
+            let pool = Pool::new(threads).expect("threads");
+            assert_eq!(pool.threads(), threads);
+            assert_eq!(fill(&pool, 33, 7, 4), fill(&Inline, 33, 7, 4));
+        }
+    }
+}
