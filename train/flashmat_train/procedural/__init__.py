@@ -1,6 +1,6 @@
 """Procedural materials: tileable, seeded, every one random in colour, scale, relief, wear and roughness.
 
-``generate("wood", 256, torch.Generator().manual_seed(7), "cpu")`` draws a family of the class and a material of it.
+``generate("wood", 256, torch.Generator().manual_seed(7))`` draws a family of the class and a material of it.
 """
 
 from __future__ import annotations
@@ -17,7 +17,6 @@ __all__ = ["CLASSES", "FAMILIES", "Material", "generate"]
 
 Family = Callable[[Draw, int], Surface]
 
-CLASSES: tuple[str, ...] = ("fabric", "ground", "leather", "metal", "stone-diff", "stone-spec", "polymer", "wood")
 FAMILIES: dict[str, dict[str, Family]] = {
     "fabric": fabric.FAMILIES,
     "ground": ground.FAMILIES,
@@ -28,6 +27,7 @@ FAMILIES: dict[str, dict[str, Family]] = {
     "polymer": polymer.FAMILIES,
     "wood": wood.FAMILIES,
 }
+CLASSES: tuple[str, ...] = tuple(FAMILIES)
 
 
 def generate(
@@ -37,12 +37,13 @@ def generate(
     device: torch.device | str = "cpu",
     family: str | None = None,
 ) -> Material:
-    """One material, ``size`` square. ``cls`` None draws the class, ``family`` None the family; same seed, same material."""
+    """One material, ``size`` square; ``cls`` None draws the class, ``family`` None the family.
+
+    The same seed gives the same material. Maps lie on ``device``.
+    """
     d = Draw(rng, device)
-    if cls is None:
-        name = d.choice(CLASSES)
-    else:
-        name = CLASSES[cls] if isinstance(cls, int) else cls
+    drawn = d.choice(CLASSES) if cls is None else cls
+    name = CLASSES[drawn] if isinstance(drawn, int) else drawn
     if name not in FAMILIES:
         raise ValueError(f"no material class {name!r}; classes: {', '.join(CLASSES)}")
     families = FAMILIES[name]

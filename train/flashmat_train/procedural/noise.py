@@ -1,8 +1,8 @@
 """Periodic noise: every field tiles on the unit torus.
 
-Coordinates ``u`` (right) and ``v`` (down) are in tile units, pixel centres at ``(i + 0.5) / n``. Fields are ``(n, n)`` or
-``(batch, n, n)`` float32. Random numbers are drawn on the generator's own device and moved, so the same CPU seed gives
-the same material on every device (up to rounding).
+Coordinates ``u`` (right) and ``v`` (down) are in tile units, pixel centres at ``(i + 0.5) / n``. Fields are
+``(n, n)`` or ``(batch, n, n)`` float32. Random numbers are drawn on the generator's own device and moved, so the
+same CPU seed gives the same material on every device (up to rounding).
 """
 
 from __future__ import annotations
@@ -80,12 +80,18 @@ def _frequencies(n: int, device: torch.device) -> tuple[Tensor, Tensor]:
 
 
 def spectral(
-    d: Draw, n: int, beta: float = 2.0, low: float = 1.0, high: float | None = None,
-    stretch: tuple[float, float] = (1.0, 1.0), angle: float = 0.0, batch: int | None = None,
+    d: Draw,
+    n: int,
+    beta: float = 2.0,
+    low: float = 1.0,
+    high: float | None = None,
+    stretch: tuple[float, float] = (1.0, 1.0),
+    angle: float = 0.0,
+    batch: int | None = None,
 ) -> Tensor:
-    """A Gaussian field whose power falls as ``f^-beta`` between ``low`` and ``high`` cycles per tile (unit deviation).
+    """A unit Gaussian field whose power falls as ``f^-beta`` between ``low`` and ``high`` cycles per tile.
 
-    ``stretch`` lengthens features along x and y of a frame turned by ``angle`` (radians); this is fBm in one FFT.
+    ``stretch`` lengthens features along x and y of a frame turned by ``angle`` (radians); fBm in one FFT.
     """
     white = d.randn(batch or 1, n, n)
     fx, fy = _frequencies(n, d.device)
@@ -110,7 +116,7 @@ def blur(x: Tensor, sigma: float, sigma_v: float | None = None) -> Tensor:
 
 
 def sample(texture: Tensor, u: Tensor, v: Tensor) -> Tensor:
-    """Bilinear periodic look-up of ``texture`` ``(H, W)`` or ``(C, H, W)`` at any ``u``, ``v`` in tile units."""
+    """Bilinear periodic look-up of ``texture`` ``(H, W)`` or ``(C, H, W)`` at any ``u``, ``v``."""
     tex = texture if texture.dim() == 3 else texture[None]
     h, w = tex.shape[-2:]
     padded = F.pad(tex[None], (1, 1, 1, 1), mode="circular")
@@ -129,7 +135,7 @@ def warp(texture: Tensor, du: Tensor, dv: Tensor) -> Tensor:
 
 
 def value_noise(d: Draw, u: Tensor, v: Tensor, nx: int, ny: int) -> Tensor:
-    """Value noise in [0, 1] on an ``nx`` by ``ny`` periodic lattice with smooth interpolation, at any coordinates."""
+    """Value noise in [0, 1] on an ``nx`` by ``ny`` periodic lattice, smooth, at any coordinates."""
     lattice = d.rand(ny, nx)
     x, y = u * nx, v * ny
     ix, iy = torch.floor(x), torch.floor(y)
@@ -186,29 +192,33 @@ def worley(d: Draw, u: Tensor, v: Tensor, nx: int, ny: int, jitter: float = 1.0)
     ix, iy = torch.floor(x), torch.floor(y)
     rx, ry = x - ix, y - iy
     x0, y0 = ix.long() % nx, iy.long() % ny
-    vx, vy, ids = [], [], []
+    columns = [(x0 + o) % nx for o in (-1, 0, 1)]
+    near: list[tuple[Tensor, Tensor]] = []
+    f1 = f2 = torch.full_like(rx, 9.0)
+    ax, ay, at = rx, ry, x0
     for oy in (-1, 0, 1):
         row = ((y0 + oy) % ny) * nx
         for ox in (-1, 0, 1):
-            i = row + (x0 + ox) % nx
-            vx.append((px[i] + ox - rx) * kx)
-            vy.append((py[i] + oy - ry) * ky)
-            ids.append(i)
-    sx, sy, sid = torch.stack(vx), torch.stack(vy), torch.stack(ids)
-    dist = sx * sx + sy * sy
-    two, at = torch.topk(dist, 2, dim=0, largest=False)
-    first = at[:1]
-    ax, ay = sx.gather(0, first), sy.gather(0, first)
-    ex, ey = sx - ax, sy - ay
-    gap = torch.sqrt(ex * ex + ey * ey)
-    border = 0.5 * ((sx + ax) * ex + (sy + ay) * ey) / gap.clamp_min(1e-6)
-    border = torch.where(gap < 1e-4, torch.full_like(border, 9.0), border).amin(0)
-    return Cells(two[0].sqrt(), two[1].sqrt(), border.clamp_min(0), sid.gather(0, first)[0], -ax[0], -ay[0], nx * ny)
+            i = row + columns[ox + 1]
+            sx, sy = (px[i] + (ox - rx)) * kx, (py[i] + (oy - ry)) * ky
+            near.append((sx, sy))
+            dist = sx * sx + sy * sy
+            closer = dist < f1
+            f2 = torch.minimum(f2, torch.maximum(dist, f1))
+            f1 = torch.minimum(dist, f1)
+            ax, ay, at = torch.where(closer, sx, ax), torch.where(closer, sy, ay), torch.where(closer, i, at)
+    edge = torch.full_like(rx, 9.0)
+    for sx, sy in near:
+        ex, ey = sx - ax, sy - ay
+        gap = (ex * ex + ey * ey).clamp_min_(1e-12)
+        border = ((sx + ax) * ex + (sy + ay) * ey) * torch.rsqrt(gap)
+        edge = torch.where(gap > 1e-8, torch.minimum(edge, border), edge)
+    return Cells(f1.sqrt(), f2.sqrt(), (0.5 * edge).clamp_min(0), at, -ax, -ay, nx * ny)
 
 
 @dataclass
 class Splats:
-    """What lies on top after ``splat``: ids (-1 where nothing), heights (``floor`` where nothing), local offsets."""
+    """What lies on top after ``splat``: ids (-1: nothing), heights (``floor``: nothing), local offsets."""
 
     id: Tensor
     top: Tensor
@@ -228,7 +238,7 @@ def splat(
 ) -> Splats:
     """Draws ``N`` small height patches into a periodic z-buffer.
 
-    ``shape(dx, dy)`` takes offsets ``(N, K)`` in tile units from each centre and returns heights, ``-inf`` outside.
+    ``shape(dx, dy)`` takes offsets ``(N, K)`` in tile units from each centre; returns heights, ``-inf`` outside.
     Patches reach ``half`` (tile units) around their centres. Heights should lie within about [-4, 4].
     """
     k = max(1, math.ceil(half * n))
@@ -250,7 +260,7 @@ def splat(
     buffer = buffer.view(n, n)
     hit = buffer >= 0
     idx = torch.where(hit, buffer % (1 << 22), torch.full_like(buffer, -1))
-    top = torch.where(hit, (buffer // (1 << 22)).float() / (1 << 20) - 8, torch.full((), floor, device=device))
+    top = torch.where(hit, (buffer // (1 << 22)).float() / (1 << 20) - 8, floor)
     c = (torch.arange(n, device=device, dtype=torch.float32) + 0.5) / n
     safe = idx.clamp_min(0)
     ddx, ddy = c - cx[safe], c[:, None] - cy[safe]

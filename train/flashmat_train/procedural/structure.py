@@ -1,9 +1,8 @@
-"""From structure to maps: heights to normals, cavities, masks, colours, tile layouts; the `Surface` a family returns."""
+"""From structure to maps: the `Surface` a family returns, heights to normals, cavities, masks, colours."""
 
 from __future__ import annotations
 
 import colorsys
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -17,7 +16,7 @@ Colour = tuple[float, float, float]
 
 @dataclass
 class Surface:
-    """What a family makes. Colours are sRGB-encoded here (palettes are easier to think of); `finish` linearises."""
+    """What a family makes. Colours are sRGB-encoded here (easier to think of); `finish` linearises."""
 
     albedo: Tensor  # (3, n, n) sRGB-encoded
     height: Tensor  # (n, n), any unit: `slope` sets the scale
@@ -64,7 +63,7 @@ def to_slope(height: Tensor, slope: float) -> Tensor:
 
 
 def height_to_normal(height: Tensor, slope: float, limit: float = 2.5) -> Tensor:
-    """Unit normals, y up, of a height scaled to root mean square ``slope``; slopes bend softly towards ``limit``."""
+    """Unit normals, y up, of a height scaled to r.m.s. ``slope``; slopes bend softly towards ``limit``."""
     gx, gy = gradient(height)
     rms = (gx * gx + gy * gy).mean().sqrt().clamp_min(1e-6)
     gx, gy = gx * (slope / rms), gy * (slope / rms)
@@ -107,7 +106,7 @@ def colour(d: Draw, rgb: Colour) -> Tensor:
 
 
 def hsv(d: Draw, h: tuple[float, float], s: tuple[float, float], v: tuple[float, float]) -> Tensor:
-    """A colour (3,1,1) drawn from ranges of hue (turns, may leave [0,1)), saturation and value, sRGB-encoded."""
+    """A colour (3,1,1) from ranges of hue (turns, may leave [0,1)), saturation and value, sRGB-encoded."""
     return colour(d, colorsys.hsv_to_rgb(d.uniform(*h) % 1.0, d.uniform(*s), d.uniform(*v)))
 
 
@@ -131,97 +130,3 @@ def ramp(t: Tensor, colours: Sequence[Tensor]) -> Tensor:
     x = t.clamp(0, 1) * k
     i = torch.floor(x).clamp(0, k - 1).long()
     return torch.lerp(table[:, i], table[:, i + 1], x - i)
-
-
-@dataclass
-class Tiles:
-    """A tiling: the id of each pixel's tile, its offset from the centre and distance to the edge in tile units."""
-
-    id: Tensor
-    dx: Tensor
-    dy: Tensor
-    edge: Tensor
-    count: int
-    half: tuple[float, float]
-    turned: Tensor | None = None  # True where the tile lies crosswise (herringbone, basket)
-
-    def per_tile(self, values: Tensor) -> Tensor:
-        return values[..., self.id]
-
-
-def brick_tiles(u: Tensor, v: Tensor, columns: int, rows: int, shift: float | Tensor = 0.5) -> Tiles:
-    """Running bond: ``columns`` by ``rows``, row j moved by ``shift * j`` (or ``shift[j]``) tile widths; tiles."""
-    y = v * rows
-    row = torch.floor(y)
-    j = row.long() % rows
-    if isinstance(shift, Tensor):
-        x = u * columns + shift[j]
-    else:
-        x = u * columns + (shift * j.float() if rows % 2 == 0 or shift == 0 else 0.5 * (j % 2).float())
-    col = torch.floor(x)
-    i = col.long() % columns
-    dx, dy = (x - col - 0.5) / columns, (y - row - 0.5) / rows
-    edge = torch.minimum(0.5 / columns - dx.abs(), 0.5 / rows - dy.abs())
-    return Tiles(j * columns + i, dx, dy, edge, columns * rows, (0.5 / columns, 0.5 / rows))
-
-
-def herringbone_tiles(u: Tensor, v: Tensor, repeat: int, ratio: int) -> Tiles:
-    """Herringbone of ``1 : ratio`` blocks; ``repeat`` periods of ``2 * ratio`` widths across the tile; it tiles."""
-    period = 2 * ratio
-    cells = repeat * period
-    x, y = u * cells, v * cells
-    ix, iy = torch.floor(x), torch.floor(y)
-    fx, fy = x - ix, y - iy
-    phase = (ix - iy).long() % period
-    flat = phase < ratio
-    along = torch.where(flat, phase.float() + fx, (period - 1 - phase).float() + fy) - ratio / 2
-    across = torch.where(flat, fy, fx) - 0.5
-    # The block's first cell names it.
-    ax = torch.where(flat, ix - phase.float(), ix).long() % cells
-    ay = torch.where(flat, iy, iy - (period - 1 - phase).float()).long() % cells
-    edge = torch.minimum(ratio / 2 - along.abs(), 0.5 - across.abs()) / cells
-    dx = torch.where(flat, along, across) / cells
-    dy = torch.where(flat, across, along) / cells
-    return Tiles(ay * cells + ax, dx, dy, edge, cells * cells, (ratio / 2 / cells, 0.5 / cells), ~flat)
-
-
-def basket_tiles(u: Tensor, v: Tensor, repeat: int, strips: int) -> Tiles:
-    """Basket weave: squares of ``strips`` parallel blocks, every second square turned; ``2 * repeat`` squares across."""
-    m = 2 * repeat
-    x, y = u * m, v * m
-    ix, iy = torch.floor(x), torch.floor(y)
-    fx, fy = x - ix, y - iy
-    turned = (ix + iy).long() % 2 == 1
-    along, across = torch.where(turned, fy, fx), torch.where(turned, fx, fy) * strips
-    k = torch.floor(across).clamp(0, strips - 1)
-    da, dc = (along - 0.5) / m, (across - k - 0.5) / (strips * m)
-    ident = ((iy.long() % m) * m + ix.long() % m) * strips + k.long()
-    edge = torch.minimum(0.5 / m - da.abs(), 0.5 / (strips * m) - dc.abs())
-    dx, dy = torch.where(turned, dc, da), torch.where(turned, da, dc)
-    return Tiles(ident, dx, dy, edge, m * m * strips, (0.5 / m, 0.5 / (strips * m)), turned)
-
-
-def hexagon_tiles(u: Tensor, v: Tensor, columns: int) -> Tiles:
-    """Hexagons, ``columns`` across; rows stretched a little so that the pattern tiles."""
-    rows = max(2, 2 * round(columns / math.sqrt(3) ))
-    x, y = u * columns, v * rows
-    best: tuple[Tensor, Tensor, Tensor, Tensor] | None = None
-    ky = columns / rows
-    for odd in (0, 1):
-        cy = torch.round((y - odd) / 2) * 2 + odd
-        cx = torch.floor(x + 0.5 * (1 - odd)) + 0.5 * odd
-        dx, dy = x - cx, (y - cy) * ky
-        ident = (cy.long() % rows) * columns + torch.floor(cx).long() % columns
-        dist = dx * dx + dy * dy
-        if best is None:
-            best = (dist, dx, dy, ident)
-        else:
-            near = dist < best[0]
-            best = (dist, torch.where(near, dx, best[1]), torch.where(near, dy, best[2]), torch.where(near, ident, best[3]))
-    assert best is not None
-    _, dx, dy, ident = best
-    gx, gy = 0.5, 1 * ky
-    norm = math.hypot(gx, gy)
-    slant = norm / 2 - (dx.abs() * gx + dy.abs() * gy) / norm
-    edge = torch.minimum(0.5 - dx.abs(), slant) / columns
-    return Tiles(ident, dx / columns, dy / columns, edge, rows * columns, (0.5 / columns, 0.58 / columns))
