@@ -1,0 +1,26 @@
+"""`python -m flashmat_train <stage>`."""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+
+STAGES = {
+    "procedural": ("data.procedural_pool", "make procedural materials"),
+    "train": ("train", "train a network"),
+}
+
+
+def main(argv: list[str] | None = None) -> None:
+    """Parses the stage and its options, and runs it."""
+    parser = argparse.ArgumentParser(prog="flashmat_train", description=__doc__)
+    stages = parser.add_subparsers(dest="stage", required=True)
+    for name, (module, text) in STAGES.items():
+        p = stages.add_parser(name, help=text, description=text)
+        importlib.import_module(f".{module}", __package__).add_arguments(p)
+    args = parser.parse_args(argv)
+    importlib.import_module(f".{STAGES[args.stage][0]}", __package__).run(args)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""Materials on disk to augmented crops: reading and packing, crops, augmentation."""

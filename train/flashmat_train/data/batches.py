@@ -1,0 +1,148 @@
+"""Batches for training: crops on the CPU (workers), rendering on the training device.
+
+Sample i of a run is a function of (seed, i) alone, so a resumed run sees what the first one would have seen.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+import torch
+from torch import Tensor
+from torch.utils.data import DataLoader, Dataset
+
+from .. import METAL
+from ..model import network_input
+from ..render.brdf import blended_f0
+from ..render.camera import CameraNoise, photograph
+from ..render.envmap import Environments
+from ..render.flash import FOV_DEG, render_point, tilted
+from .pool import Pool, scale_maps
+
+
+@dataclass(frozen=True)
+class SceneOptions:
+    """How photos vary. Lengths are in units of the camera's distance."""
+
+    environment: tuple[float, float] = (0.0, 0.8)  # luminance of white under the environment, flash = 1
+    flash: bool = True  # off: the paper's `env` variant
+    light_sigma: float = 0.03  # of the flash around the camera, each axis
+    tilt_sigma: float = 3.0  # degrees, each axis
+    fov_exact: float = 0.5  # share of photos with the field of view of the paper
+    fov_range: tuple[float, float] = (30.0, 60.0)
+    augment: bool = True  # the paper's scaling of the maps
+    camera: CameraNoise = field(default_factory=CameraNoise)
+
+
+class Crops(Dataset):
+    """Crop i: (7,n,n) maps and the class, from real or procedural materials."""
+
+    def __init__(self, pools: list[tuple[Pool, float]], size: int, seed: int, augment: bool, length: int):
+        self.pools = [p for p, share in pools if share > 0 and len(p) > 0]
+        shares = np.array([share for p, share in pools if share > 0 and len(p) > 0])
+        self.shares = shares / shares.sum()
+        self.size, self.seed, self.augment, self.length = size, seed, augment, length
+
+    def __len__(self) -> int:
+        return self.length
+
+    def __getitem__(self, i: int) -> tuple[Tensor, int]:
+        rng = np.random.default_rng((self.seed, i))
+        pool = self.pools[int(rng.choice(len(self.pools), p=self.shares))]
+        maps, cls = pool.draw(rng, self.size)
+        return (scale_maps(maps, rng) if self.augment else maps), cls
+
+
+@dataclass
+class Batch:
+    """A rendered batch on the training device."""
+
+    input: Tensor  # (B,5,n,n)
+    target: dict[str, Tensor]  # albedo, normal, roughness, cls
+    f0: Tensor  # (B,1,1,1)
+    points: Tensor  # (B,3,n,n)
+    view: Tensor  # (B,3,n,n)
+    light: Tensor  # (B,3) the flash
+    novel: Tensor  # (B,2,3) lights not in the photo
+
+
+def render_batch(
+    maps: Tensor, cls: Tensor, env: Environments, options: SceneOptions, rng: np.random.Generator
+) -> Batch:
+    """Renders crops (B,7,n,n) into photos under a random flash, environment and camera."""
+    b, _, n, _ = maps.shape
+    dev = maps.device
+
+    def tensor(x: np.ndarray) -> Tensor:
+        return torch.tensor(x, dtype=torch.float32, device=dev)
+
+    albedo, normal, rough = maps[:, :3], maps[:, 3:6], maps[:, 6:]
+    f0 = blended_f0((cls == METAL).float())
+    exact = rng.random(b) < options.fov_exact
+    fov = np.where(exact, FOV_DEG, rng.uniform(*options.fov_range, size=b))
+    tilt = rng.normal(size=(b, 2)) * math.radians(options.tilt_sigma) * (rng.random((b, 1)) < 0.7)
+    geometry = tilted(n, tensor(fov), tensor(tilt), dev)
+    light = geometry.camera + tensor(rng.normal(size=(b, 3)) * options.light_sigma)
+    radiance = torch.zeros_like(albedo)
+    if options.flash:
+        radiance = render_point(albedo, normal, rough, f0, geometry, light)
+    strength = tensor(rng.uniform(*options.environment, size=b))
+    index = torch.tensor(rng.integers(len(env), size=b), device=dev)
+    spin = tensor(rng.uniform(0, 2 * math.pi, size=b))
+    ambient = env.render(index, spin, albedo, normal, rough, f0, geometry.view)
+    radiance = radiance + ambient * strength[:, None, None, None]
+    photo = photograph(radiance, rng, options.camera)
+    target = {"albedo": albedo, "normal": normal, "roughness": rough, "cls": cls}
+    return Batch(network_input(photo), target, f0, geometry.points, geometry.view, light, tensor(novel_lights(rng, b)))
+
+
+def novel_lights(rng: np.random.Generator, b: int) -> np.ndarray:
+    """Two lights each, on the upper hemisphere of radius 1 to 1.6, not too grazing; (b,2,3)."""
+    z = rng.uniform(0.35, 1.0, size=(b, 2))
+    phi = rng.uniform(0, 2 * math.pi, size=(b, 2))
+    s = np.sqrt(1 - z * z)
+    return np.stack((s * np.cos(phi), s * np.sin(phi), z), axis=-1) * rng.uniform(1.0, 1.6, size=(b, 2, 1))
+
+
+def batches(
+    crops: Crops,
+    env: Environments,
+    options: SceneOptions,
+    batch: int,
+    start: int,
+    device: torch.device | str,
+    workers: int,
+    rank: int = 0,
+    world: int = 1,
+) -> Iterator[Batch]:
+    """Batches from step `start` on; rank r of w sees every w-th batch."""
+    order = _Order(batch, start, len(crops), rank, world)
+    loader = DataLoader(
+        crops,
+        batch_sampler=order,
+        num_workers=workers,
+        persistent_workers=False,
+        prefetch_factor=4 if workers else None,
+    )
+    for step, (maps, cls) in enumerate(loader, start):
+        rng = np.random.default_rng((crops.seed, 1 << 40, step, rank))
+        yield render_batch(maps.to(device, non_blocking=True), cls.to(device, non_blocking=True), env, options, rng)
+
+
+class _Order:
+    """Batches of consecutive sample numbers."""
+
+    def __init__(self, batch: int, start: int, length: int, rank: int, world: int):
+        self.batch, self.start, self.length, self.rank, self.world = batch, start, length, rank, world
+
+    def __iter__(self) -> Iterator[list[int]]:
+        step = self.start
+        while (first := (step * self.world + self.rank) * self.batch) + self.batch <= self.length:
+            yield list(range(first, first + self.batch))
+            step += 1
+
+    def __len__(self) -> int:
+        return self.length // (self.batch * self.world) - self.start

@@ -1,0 +1,142 @@
+"""The materials in memory: uint8 mip pyramids, and random crops out of them.
+
+A crop has any scale, flips and a rotation by a multiple of 45°, its normals turned with it (paper, "Dataset" and
+appendix "Details of Data Augmentation"). Materials wrap around: nearly all of them tile.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import torch
+import torch.nn.functional as F
+from torch import Tensor
+
+from .materials import Material
+
+#: Side of a crop as a share of the material's shorter side: the paper's 512, 1024, 2048, 3072, 4096 of 4096.
+CROP_SCALES = (0.125, 0.25, 0.5, 0.75, 1.0)
+
+
+def srgb_decode(x: Tensor) -> Tensor:
+    """sRGB-encoded to linear, in [0,1]."""
+    return torch.where(x <= 0.04045, x / 12.92, ((x.clamp_min(0.04045) + 0.055) / 1.055) ** 2.4)
+
+
+def srgb_encode(x: Tensor) -> Tensor:
+    """Linear to sRGB-encoded, in [0,1]."""
+    return torch.where(x <= 0.0031308, x * 12.92, 1.055 * x.clamp_min(0.0031308) ** (1 / 2.4) - 0.055)
+
+
+def to_float(maps: Tensor) -> Tensor:
+    """uint8 (7,H,W) to linear albedo, unit normal, roughness."""
+    x = maps.float() / 255.0
+    n = x[3:6] * 2.0 - 1.0
+    n = torch.cat((n[:2], n[2:].clamp_min(1e-3)))
+    n = n / n.square().sum(dim=0, keepdim=True).sqrt()
+    return torch.cat((srgb_decode(x[:3]), n, x[6:]))
+
+
+def to_bytes(maps: Tensor) -> Tensor:
+    """The inverse of `to_float`."""
+    x = torch.cat((srgb_encode(maps[:3].clamp(0, 1)), maps[3:6] * 0.5 + 0.5, maps[6:].clamp(0, 1)))
+    return (x * 255.0 + 0.5).clamp(0, 255).to(torch.uint8)
+
+
+def pyramid(maps: Tensor, smallest: int = 96) -> list[Tensor]:
+    """Halvings of a material, filtered in linear light; normals are averaged and made unit again."""
+    levels, x = [maps], None
+    while min(levels[-1].shape[1:]) // 2 >= smallest:
+        x = to_float(levels[-1]) if x is None else x
+        x = F.avg_pool2d(x[None], 2)[0]
+        n = x[3:6]
+        x = torch.cat((x[:3], n / n.square().sum(dim=0, keepdim=True).sqrt().clamp_min(1e-6), x[6:]))
+        levels.append(to_bytes(x))
+    return levels
+
+
+class Pool:
+    """Materials with their pyramids; draws classes evenly-ish and crops at random."""
+
+    def __init__(self, materials: list[Material], class_power: float = 0.5):
+        self.levels = [pyramid(torch.from_numpy(m.maps)) for m in materials]
+        self.classes = np.array([m.cls for m in materials])
+        self.names = [m.name for m in materials]
+        counts = np.bincount(self.classes, minlength=8).astype(float)
+        weight = counts[self.classes] ** (class_power - 1.0)
+        self.weight = weight / weight.sum()
+
+    def __len__(self) -> int:
+        return len(self.levels)
+
+    def draw(self, rng: np.random.Generator, size: int) -> tuple[Tensor, int]:
+        """A random crop (7,size,size) float (linear albedo, unit normal, roughness), and its class."""
+        i = int(rng.choice(len(self), p=self.weight))
+        scale = float(rng.choice(CROP_SCALES, p=(0.05, 0.2, 0.3, 0.25, 0.2))) * float(rng.uniform(0.85, 1.15))
+        turn = int(rng.integers(8))
+        flip = bool(rng.integers(2))
+        centre = rng.random(2)
+        return self.crop(i, size, scale, turn * math.pi / 4, flip, centre), int(self.classes[i])
+
+    def crop(
+        self,
+        i: int,
+        size: int,
+        scale: float,
+        angle: float,
+        flip: bool,
+        centre: np.ndarray | tuple[float, float],
+    ) -> Tensor:
+        """The crop of side `scale` (share of the shorter side) about `centre`, turned by `angle`, flipped in x."""
+        levels = self.levels[i]
+        side = scale * min(levels[0].shape[1:])
+        level = 0
+        while level + 1 < len(levels) and side / 2 ** (level + 1) >= 0.75 * size:
+            level += 1
+        source = levels[level]
+        side /= 2**level
+        h, w = source.shape[1:]
+        # the box that holds the turned square, wrapped around the edges
+        reach = math.ceil(side * 0.5 * (abs(math.cos(angle)) + abs(math.sin(angle)))) + 2
+        cy, cx = centre[0] * h, centre[1] * w
+        y0, x0 = int(cy) - reach, int(cx) - reach
+        ys = torch.arange(y0, y0 + 2 * reach + 1).remainder(h)
+        xs = torch.arange(x0, x0 + 2 * reach + 1).remainder(w)
+        patch = source[:, ys][:, :, xs].float()
+        k = patch.shape[1]
+        u = (torch.arange(size) + 0.5) * (side / size) - side / 2
+        fx = -u if flip else u
+        c, s = math.cos(angle), math.sin(angle)
+        # image coordinates: x right, y down; source = R(angle) * target
+        gx = c * fx[None, :] - s * u[:, None] + (cx - x0)
+        gy = s * fx[None, :] + c * u[:, None] + (cy - y0)
+        grid = torch.stack((gx, gy), dim=-1) * (2.0 / k) - 1.0
+        out = F.grid_sample(patch[None], grid[None], mode="bilinear", align_corners=False, padding_mode="border")
+        x = to_float(out[0])
+        return turn_normals(x, angle, flip)
+
+
+def turn_normals(x: Tensor, angle: float, flip: bool) -> Tensor:
+    """Turns the normals of a crop whose pixels were read at R(angle) (image axes, y down), then flipped in x."""
+    c, s = math.cos(angle), math.sin(angle)
+    nx, ny = x[3], x[4]
+    # a vector (vx, vy up) is (vx, -vy) in image axes; the target's axes are R(angle)^T of the source's
+    tx = c * nx - s * ny
+    ty = s * nx + c * ny
+    if flip:
+        tx = -tx
+    return torch.cat((x[:3], tx[None], ty[None], x[5:]))
+
+
+def scale_maps(x: Tensor, rng: np.random.Generator) -> Tensor:
+    """The paper's augmentation: albedo x U(0.8,1.4), normal xy x U(0.8,1.4), roughness x N(1,0.2)."""
+    albedo = (x[:3] * float(rng.uniform(0.8, 1.4))).clamp(0, 1)
+    n = torch.cat((x[3:5] * float(rng.uniform(0.8, 1.4)), x[5:6]))
+    n = n / n.square().sum(dim=0, keepdim=True).sqrt()
+    rough = (x[6:] * max(float(rng.normal(1.0, 0.2)), 0.2)).clamp(0.02, 1)
+    return torch.cat((albedo, n, rough))
+
+
+Draw = Callable[[np.random.Generator, int], tuple[Tensor, int]]

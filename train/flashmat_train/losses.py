@@ -1,0 +1,92 @@
+"""The paper's losses: L2 on the maps (normals weighted by angle bin), rendering under the input light and novel
+lights, class-balanced cross-entropy ("Loss Functions for SVBRDF Estimation")."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import torch
+import torch.nn.functional as F
+from torch import Tensor
+
+from .render.brdf import normalise, shade
+
+#: Angle from z under which a bin ends, degrees, and the bin's weight W = 0.7 + 1/(10 P) of the paper's table.
+NORMAL_BINS = ((10.0, 0.869), (25.0, 1.060), (90.0, 1.469))
+
+
+@dataclass(frozen=True)
+class LossWeights:
+    """The lambdas. The paper has 1 for all maps and 0.0005 for the class; departures are in docs/paper-notes.md."""
+
+    albedo: float = 1.0
+    albedo_l1: float = 0.25  # L1 on gamma-encoded albedo: dark materials count as the eye sees them
+    normal: float = 1.0
+    roughness: float = 0.5
+    render: float = 0.5
+    cls: float = 0.03
+
+
+def normal_weights(normal: Tensor) -> Tensor:
+    """Weight of each pixel's normal, by its angle from z."""
+    z = normal[:, 2:]
+    w = torch.full_like(z, NORMAL_BINS[-1][1])
+    for angle, weight in reversed(NORMAL_BINS[:-1]):
+        w = torch.where(z > math.cos(math.radians(angle)), torch.full_like(z, weight), w)
+    return w
+
+
+def tone(x: Tensor) -> Tensor:
+    """Clamped to (0,1.5), gamma 2.2, as the paper's reconstruction loss; the offset keeps the gradient finite."""
+    return (x.clamp(0, 1.5) + 1e-3) ** (1 / 2.2)
+
+
+def render_pair(maps: dict[str, Tensor], f0: Tensor, view: Tensor, lights: list[tuple[Tensor, Tensor]]) -> Tensor:
+    """Tone-mapped renders under each (direction, irradiance/pi) pair, stacked over channels."""
+    return torch.cat(
+        [tone(shade(maps["albedo"], maps["normal"], maps["roughness"], d, view, f0) * e) for d, e in lights],
+        dim=1,
+    )
+
+
+def losses(
+    predicted: dict[str, Tensor],
+    target: dict[str, Tensor],
+    f0: Tensor,
+    view: Tensor,
+    lights: list[tuple[Tensor, Tensor]],
+    class_weight: Tensor,
+    weights: LossWeights,
+) -> dict[str, Tensor]:
+    """Every term and their weighted `total`. Errors of albedo and roughness are on the paper's [-1,1] scale."""
+    a = 4 * F.mse_loss(predicted["albedo"], target["albedo"])
+    gamma = 1 / 2.2
+    l1 = F.l1_loss((predicted["albedo"] + 1e-3) ** gamma, (target["albedo"] + 1e-3) ** gamma)
+    n = ((predicted["normal"] - target["normal"]).square() * normal_weights(target["normal"])).mean()
+    r = 4 * F.mse_loss(predicted["roughness"], target["roughness"])
+    want = render_pair(target, f0, view, lights)
+    got = render_pair(predicted, f0, view, lights)
+    render = F.mse_loss(got, want)
+    c = F.cross_entropy(predicted["class_logits"], target["cls"], weight=class_weight, label_smoothing=0.05)
+    w = weights
+    total = w.albedo * a + w.albedo_l1 * l1 + w.normal * n + w.roughness * r + w.render * render + w.cls * c
+    return {
+        "total": total,
+        "albedo": a,
+        "albedo_l1": l1,
+        "normal": n,
+        "roughness": r,
+        "render": render,
+        "cls": c,
+    }
+
+
+def point_lights(points: Tensor, positions: list[Tensor]) -> list[tuple[Tensor, Tensor]]:
+    """(unit direction, pi/d²) of point lights at positions (B,3), for `render_pair`."""
+    out = []
+    for p in positions:
+        to = p[:, :, None, None] - points
+        d2 = to.square().sum(dim=1, keepdim=True).clamp_min(1e-6)
+        out.append((normalise(to), math.pi / d2))
+    return out

@@ -1,0 +1,174 @@
+"""The network: one encoder of seven stride-2 convolutions, three decoders with skips, a classifier whose softmax
+mixes the per-class last layers (paper, "Network Design"). Presets are the widths; every layer folds to int8.
+
+Input (B,5,n,n): sRGB-encoded R, G, B in [0,1], then (p.x+1)/2 and (p.y+1)/2. n is a multiple of 128.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import asdict, dataclass
+
+import torch
+import torch.nn.functional as F
+from torch import Tensor, nn
+
+from . import CLASSES
+from .render.flash import pixel_positions
+
+HEADS = {"albedo": 3, "normal": 3, "roughness": 1}
+INPUT_CHANNELS = 5
+STAGES = 7
+Z_EPS = 1e-2
+
+
+@dataclass(frozen=True)
+class NetworkConfig:
+    """Widths of a network. `decoder` runs from the deepest (4x4 at 256²) to half resolution."""
+
+    name: str
+    encoder: tuple[int, ...]
+    decoder: tuple[int, ...]
+    classifier: int = 128
+    encoder_kernel: int = 4
+    mixing: bool = True  # K per-class heads mixed by the classifier; off: one head (variant `basic`)
+    classify: bool = True
+
+    def asdict(self) -> dict:
+        return asdict(self)
+
+    @staticmethod
+    def fromdict(d: dict) -> NetworkConfig:
+        return NetworkConfig(**{k: tuple(v) if isinstance(v, list) else v for k, v in d.items()})
+
+
+PRESETS = {
+    "phone": NetworkConfig("phone", (32, 48, 64, 128, 192, 256, 256), (128, 128, 96, 64, 40, 32)),
+    "paper": NetworkConfig("paper", (64, 128, 256, 256, 512, 512, 512), (512, 256, 256, 128, 96, 64)),
+    "tiny": NetworkConfig("tiny", (8, 12, 16, 16, 24, 24, 32), (16, 16, 16, 12, 8, 8), 16),
+}
+
+
+class ConvBlock(nn.Module):
+    """Convolution, batch norm, ReLU: one int8 layer after folding."""
+
+    def __init__(self, cin: int, cout: int, kernel: int, stride: int):
+        super().__init__()
+        self.conv = nn.Conv2d(cin, cout, kernel, stride, padding=(kernel - stride + 1) // 2, bias=False)
+        self.norm = nn.BatchNorm2d(cout, momentum=0.02)
+
+    def forward(self, x: Tensor) -> Tensor:
+        return F.relu(self.norm(self.conv(x)))
+
+
+class MixHead(nn.Module):
+    """K per-class 3x3 convolutions to N maps at twice the resolution, mixed before the non-linearity.
+
+    Mixing is linear, so the mixed weights are one convolution per photo: `forward` mixes the weights first when that
+    is cheaper (one photo), and the outputs otherwise; both are the same function.
+    """
+
+    def __init__(self, cin: int, maps: int, classes: int):
+        super().__init__()
+        self.maps, self.classes = maps, classes
+        self.conv = nn.Conv2d(cin, classes * maps * 4, 3, padding=1)
+
+    def forward(self, x: Tensor, probabilities: Tensor) -> Tensor:
+        b, k, c = x.shape[0], self.classes, self.maps * 4
+        if k == 1:
+            return F.pixel_shuffle(self.conv(x).float(), 2)
+        weight = self.conv.weight.reshape(k, -1)
+        mixed = (probabilities.float() @ weight.float()).view(b * c, -1, 3, 3)
+        bias = (probabilities.float() @ self.conv.bias.float().view(k, c)).reshape(b, c)
+        out = torch.cat([F.conv2d(xi[None], mixed[i * c : (i + 1) * c], bias[i], padding=1) for i, xi in enumerate(x)])
+        return F.pixel_shuffle(out.float(), 2)
+
+
+class Decoder(nn.Module):
+    """Six times x2 nearest up-sampling, concatenation with the encoder's features, 3x3 convolution; then the head."""
+
+    def __init__(self, config: NetworkConfig, maps: int):
+        super().__init__()
+        skips = config.encoder[-2::-1]
+        blocks, cin = [], config.encoder[-1]
+        for width, skip in zip(config.decoder, skips, strict=True):
+            blocks.append(ConvBlock(cin + skip, width, 3, 1))
+            cin = width
+        self.blocks = nn.ModuleList(blocks)
+        self.head = MixHead(cin, maps, len(CLASSES) if config.mixing else 1)
+
+    def forward(self, features: list[Tensor], probabilities: Tensor) -> Tensor:
+        x = features[-1]
+        for block, skip in zip(self.blocks, features[-2::-1], strict=True):
+            x = block(torch.cat((F.interpolate(x, scale_factor=2, mode="nearest"), skip), dim=1))
+        return self.head(x, probabilities)
+
+
+class Network(nn.Module):
+    """Photo in, maps and class logits out."""
+
+    def __init__(self, config: NetworkConfig):
+        super().__init__()
+        self.config = config
+        widths = (INPUT_CHANNELS, *config.encoder)
+        self.encoder = nn.ModuleList(ConvBlock(a, b, config.encoder_kernel, 2) for a, b in itertools.pairwise(widths))
+        self.decoders = nn.ModuleDict({name: Decoder(config, n) for name, n in HEADS.items()})
+        self.classifier = nn.Sequential(
+            nn.Linear(config.encoder[-1], config.classifier),
+            nn.ReLU(),
+            nn.Linear(config.classifier, len(CLASSES)),
+        )
+
+    def encode(self, x: Tensor) -> tuple[list[Tensor], Tensor]:
+        """The features of every stage, and the class logits from the deepest."""
+        features = []
+        for block in self.encoder:
+            x = block(x)
+            features.append(x)
+        return features, self.classifier(x.float().mean(dim=(2, 3)))
+
+    def classify(self, x: Tensor) -> Tensor:
+        """Class logits alone (variant `clsOnly`)."""
+        return self.encode(x)[1]
+
+    def forward(self, x: Tensor) -> dict[str, Tensor]:
+        """`albedo` (B,3,n,n), `normal` (B,3,n,n) unit, `roughness` (B,1,n,n), `class_logits` (B,8)."""
+        features, logits = self.encode(x)
+        probabilities = logits.softmax(dim=1)
+        raw = {name: decoder(features, probabilities) for name, decoder in self.decoders.items()}
+        return {**activate(raw), "class_logits": logits}
+
+
+def activate(raw: dict[str, Tensor]) -> dict[str, Tensor]:
+    """The heads' non-linearities: sigmoid for albedo and roughness; tanh x, y, positive z, normalised for normals."""
+    n = raw["normal"]
+    v = torch.cat((torch.tanh(n[:, :2]), torch.sigmoid(n[:, 2:]) + Z_EPS), dim=1)
+    return {
+        "albedo": torch.sigmoid(raw["albedo"]),
+        "normal": v / v.square().sum(dim=1, keepdim=True).sqrt(),
+        "roughness": torch.sigmoid(raw["roughness"]),
+    }
+
+
+def network_input(photo_srgb: Tensor) -> Tensor:
+    """Appends the coordinate channels to an sRGB-encoded photo (B,3,n,n)."""
+    b, _, n, _ = photo_srgb.shape
+    p = (pixel_positions(n, photo_srgb.device) + 1.0) / 2.0
+    return torch.cat((photo_srgb, p.expand(b, 2, n, n)), dim=1)
+
+
+def gmacs(config: NetworkConfig, size: int = 256) -> float:
+    """Multiply-accumulates of one run with folded heads, in units of 1e9."""
+    macs, res = 0.0, size
+    widths = (INPUT_CHANNELS, *config.encoder)
+    for a, b in itertools.pairwise(widths):
+        res //= 2
+        macs += a * b * config.encoder_kernel**2 * res * res
+    for maps in HEADS.values():
+        res, cin = size // 2**STAGES, config.encoder[-1]
+        for width, skip in zip(config.decoder, config.encoder[-2::-1], strict=True):
+            res *= 2
+            macs += (cin + skip) * width * 9 * res * res
+            cin = width
+        macs += cin * maps * 4 * 9 * res * res
+    return macs / 1e9

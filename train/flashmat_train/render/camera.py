@@ -1,0 +1,84 @@
+"""What a phone does to radiance: exposure, white balance, vignette, blur, noise, clipping, 8-bit sRGB, JPEG."""
+
+from __future__ import annotations
+
+import io
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+import torch.nn.functional as F
+from PIL import Image
+from torch import Tensor
+
+from ..data.pool import srgb_encode
+
+#: Linear mean that automatic exposure aims at.
+AUTO_MEAN = 0.28
+
+
+@dataclass(frozen=True)
+class CameraNoise:
+    """How much of each a random phone has; standard deviations of the logarithm unless said otherwise."""
+
+    exposure: float = 0.12
+    auto: float = 0.25  # share of photos whose automatic exposure pulled the mean towards middle grey
+    white_balance: float = 0.04
+    vignette: float = 0.15  # darkening of the corner, at most
+    blur: float = 0.6  # sigma in pixels, at most
+    shot: float = 0.02  # noise at white, at most (linear)
+    read: float = 0.004  # noise at black, at most (linear)
+    jpeg: float = 0.15  # share of photos that went through JPEG
+    plain: float = 0.4  # share of photos with none of these but 8-bit rounding
+
+
+def photograph(radiance: Tensor, rng: np.random.Generator, c: CameraNoise) -> Tensor:
+    """Linear radiance (B,3,n,n) to sRGB-encoded photos in [0,1], 8 bit."""
+    b, _, n, _ = radiance.shape
+    dev = radiance.device
+    on = torch.tensor(rng.random(b) >= c.plain, dtype=torch.float32, device=dev)
+
+    def gauss(*shape: int) -> Tensor:
+        return torch.tensor(rng.normal(size=shape), dtype=torch.float32, device=dev)
+
+    def uniform(*shape: int) -> Tensor:
+        return torch.tensor(rng.random(shape), dtype=torch.float32, device=dev)
+
+    gain = torch.exp(on[:, None] * (gauss(b, 1) * c.exposure + gauss(b, 3) * c.white_balance))
+    x = radiance * gain[:, :, None, None]
+    mean = x.clamp(0, 2).mean(dim=(1, 2, 3)).clamp_min(0.02)
+    pull = on * torch.tensor(rng.random(b) < c.auto, device=dev) * uniform(b) * 0.7
+    x = x * ((AUTO_MEAN / mean) ** pull)[:, None, None, None]
+    line = torch.linspace(-1, 1, n, device=dev)
+    r2 = (line[:, None] ** 2 + line[None, :] ** 2) / 2
+    x = x * (1 - (on * uniform(b) * c.vignette)[:, None, None, None] * r2)
+    x = _blur(x, on * uniform(b) * c.blur * torch.tensor(rng.random(b) < 0.5, device=dev))
+    shot, read = on * uniform(b) * c.shot, on * uniform(b) * c.read
+    seed = int(rng.integers(2**62))
+    noise = torch.randn(x.shape, generator=torch.Generator(dev).manual_seed(seed), device=dev)
+    x = x + noise * (shot[:, None, None, None] ** 2 * x.clamp(0, 1) + read[:, None, None, None] ** 2).sqrt()
+    x = torch.round(srgb_encode(x.clamp(0, 1)) * 255) / 255
+    for i in np.flatnonzero((rng.random(b) < c.jpeg) & (on.cpu().numpy() > 0)):
+        x[i] = _jpeg(x[i], int(rng.integers(80, 98)))
+    return x
+
+
+def _blur(x: Tensor, sigma: Tensor) -> Tensor:
+    """A 3-tap Gaussian of each photo's own sigma."""
+    side = torch.where(sigma > 0.05, torch.exp(-1 / (2 * sigma.clamp_min(0.05) ** 2)), torch.zeros_like(sigma))
+    k = torch.stack((side, torch.ones_like(side), side), dim=1)
+    k = k / k.sum(dim=1, keepdim=True)
+    b, c, h, w = x.shape
+    y = F.pad(x, (1, 1, 1, 1), mode="replicate").reshape(1, b * c, h + 2, w + 2)
+    k = k.repeat_interleave(c, dim=0)
+    y = F.conv2d(y, k[:, None, :, None], groups=b * c)
+    y = F.conv2d(y, k[:, None, None, :], groups=b * c)
+    return y.reshape(b, c, h, w)
+
+
+def _jpeg(x: Tensor, quality: int) -> Tensor:
+    image = Image.fromarray((x.permute(1, 2, 0).cpu().numpy() * 255 + 0.5).astype(np.uint8))
+    buf = io.BytesIO()
+    image.save(buf, "JPEG", quality=quality)
+    y = np.asarray(Image.open(io.BytesIO(buf.getvalue())))
+    return torch.from_numpy(y.astype(np.float32) / 255).permute(2, 0, 1).to(x.device)
