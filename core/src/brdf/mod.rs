@@ -10,6 +10,7 @@
 pub mod ggx;
 mod render;
 
+pub(crate) use render::{Incident, row_of, vectors};
 pub use render::{Light, Scene, render};
 
 use core::f32::consts::PI;
