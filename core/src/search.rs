@@ -399,23 +399,25 @@ mod tests {
         assert!((residual(&image, &render).expect("shape") - 0.467_479).abs() < 1e-5);
     }
 
+    /// Even without noise two values may explain a pixel alike; the observability knows where that is.
     #[test]
-    fn roughness_is_found_where_the_photo_shows_it() {
+    fn the_more_the_photo_shows_the_nearer_the_roughness_is() {
         for (f0, scale) in [(0.05, 0.5), (0.5, 0.3), (0.05, 1.5)] {
             let s = scenery(64, f0, scale);
             let (found, seen) = s.search(f0, scale, &Inline);
-            let (mut good, mut shown) = (0, 0);
+            let mut bins = [(0.0_f32, 0.0_f32); 3];
             for ((&r, &o), (&truth, &clipped)) in
                 found.iter().zip(&seen).zip(s.roughness.iter().zip(&s.clipped))
             {
                 assert!((0.0..=1.0).contains(&o) && (MIN_ROUGHNESS..=1.0).contains(&r));
-                if o > 0.6 && clipped == 0 {
-                    shown += 1;
-                    good += u32::from((r - truth).abs() < 0.02);
+                if clipped == 0 {
+                    let bin = &mut bins[((o * 4.0) as usize).min(2)];
+                    bin.0 += (r - truth).abs();
+                    bin.1 += 1.0;
                 }
             }
-            assert!(shown > 200, "{f0} {scale}: {shown}");
-            assert!(f64::from(good) > 0.85 * f64::from(shown), "{f0} {scale}: {good} of {shown}");
+            let [low, middle, high] = bins.map(|(sum, count)| sum / count);
+            assert!(high < 0.06 && high < middle && middle < low, "{f0} {scale}: {bins:?}");
         }
     }
 
