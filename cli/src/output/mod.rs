@@ -1,0 +1,44 @@
+//! What a capture leaves on disk.
+mod canvas;
+pub(crate) mod files;
+mod glb;
+pub(crate) mod png;
+pub(crate) mod report;
+mod sheet;
+
+use crate::engine::{self, Facts};
+use crate::failure::Failure;
+use crate::interrupt;
+use crate::material::Material;
+use files::Staging;
+use png::Depth;
+use std::io;
+use std::path::Path;
+
+/// Writes all files of `material` to the folder `target`, whole or not at all.
+pub(crate) fn write_all(
+    target: &Path,
+    name: &str,
+    material: &Material,
+    facts: &Facts,
+    depth: Depth,
+) -> Result<(), Failure> {
+    let maps = material.maps.view();
+    let size = maps.size;
+    let relit = engine::relit_from_the_side(material)
+        .map_err(|e| Failure::writing(&target.join("sheet.png"), &io::Error::other(e)))?;
+    let mut folder = Staging::new(target)?;
+    folder.write("albedo.png", |f| png::albedo(f, &maps, depth))?;
+    folder.write("normal.png", |f| png::normal(f, &maps, depth))?;
+    folder.write("roughness.png", |f| png::roughness(f, &maps, depth))?;
+    folder.write("render.png", |f| png::linear(f, &material.render, size, depth))?;
+    folder.write("sheet.png", |f| sheet::write(f, name, material, &relit))?;
+    folder
+        .write("material.glb", |f| glb::write(f, name, &material.maps, material.metal(), material.fov_deg))?;
+    // Last, so that a report means that the rest is there.
+    folder.write("report.json", |f| report::Report::new(material, facts).write(f))?;
+    if interrupt::asked() {
+        return Err(Failure::new(target, "interrupted", "run it again"));
+    }
+    folder.commit()
+}

@@ -1,0 +1,115 @@
+//! `report.json`: what was found, with which model, how long it took. The fields are a contract (see the README).
+use crate::engine::{Facts, Timings};
+use crate::material::Material;
+use serde::{Deserialize, Serialize};
+use std::io::{self, Write};
+
+/// The whole report.
+#[derive(Debug, Serialize, Deserialize)]
+pub(crate) struct Report {
+    /// Version of the program.
+    pub(crate) version: String,
+    pub(crate) model: ModelName,
+    /// Pixels per side of the maps.
+    pub(crate) size: usize,
+    pub(crate) class: Class,
+    pub(crate) light_scale: f32,
+    /// RMSE of the re-render against the photo, gamma 2.2, clipped pixels left out.
+    pub(crate) residual: f32,
+    /// Angle of view over the maps, in degrees.
+    #[serde(default = "default_fov")]
+    pub(crate) fov_deg: f32,
+    pub(crate) timings_ms: Timings,
+    pub(crate) workspace_bytes: usize,
+    pub(crate) engine: String,
+    pub(crate) level: String,
+    pub(crate) warnings: Vec<String>,
+}
+
+/// Which model it was.
+#[derive(Debug, Serialize, Deserialize)]
+pub(crate) struct ModelName {
+    pub(crate) name: String,
+    /// SHA-256 of the model file, in hexadecimal.
+    pub(crate) hash: String,
+}
+
+/// The material class.
+#[derive(Debug, Serialize, Deserialize)]
+pub(crate) struct Class {
+    pub(crate) name: String,
+    pub(crate) probabilities: Probabilities,
+}
+
+/// One probability for each class, in the network's order.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(crate) struct Probabilities {
+    fabric: f32,
+    ground: f32,
+    leather: f32,
+    metal: f32,
+    stone_diff: f32,
+    stone_spec: f32,
+    polymer: f32,
+    wood: f32,
+}
+
+impl From<[f32; 8]> for Probabilities {
+    fn from([fabric, ground, leather, metal, stone_diff, stone_spec, polymer, wood]: [f32; 8]) -> Self {
+        Self { fabric, ground, leather, metal, stone_diff, stone_spec, polymer, wood }
+    }
+}
+
+fn default_fov() -> f32 {
+    flashmat_core::frame::FieldOfView::TARGET_DEG
+}
+
+impl Report {
+    /// The report of `material`, found by an engine with the given `facts`.
+    pub(crate) fn new(material: &Material, facts: &Facts) -> Self {
+        Self {
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+            model: ModelName { name: facts.model_name.clone(), hash: facts.model_hash.clone() },
+            size: material.maps.size,
+            class: Class {
+                name: material.class_name().to_owned(),
+                probabilities: material.probabilities.into(),
+            },
+            light_scale: material.light_scale,
+            residual: material.residual,
+            fov_deg: material.fov_deg,
+            timings_ms: material.timings_ms,
+            workspace_bytes: material.workspace_bytes,
+            engine: facts.engine.to_owned(),
+            level: facts.level.clone(),
+            warnings: material.warnings.clone(),
+        }
+    }
+
+    /// Writes the report as indented JSON.
+    pub(crate) fn write(&self, out: &mut dyn Write) -> io::Result<()> {
+        serde_json::to_writer_pretty(&mut *out, self)?;
+        out.write_all(b"\n")
+    }
+
+    /// Probability of metal.
+    pub(crate) fn metal(&self) -> f32 {
+        self.class.probabilities.metal
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::material::CLASSES;
+
+    #[test]
+    fn probabilities_keep_the_names_and_the_order_of_the_classes() {
+        let p = Probabilities::from([0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7]);
+        let text = serde_json::to_string(&p).expect("json");
+        let wanted: Vec<_> = CLASSES.iter().zip(0..).map(|(c, i)| format!("\"{c}\":0.{i}")).collect();
+        assert_eq!(text, format!("{{{}}}", wanted.join(",")));
+        assert_eq!(serde_json::from_str::<Probabilities>(&text).expect("json"), p);
+    }
+}
