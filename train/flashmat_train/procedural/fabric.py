@@ -73,7 +73,7 @@ def _weave(
     kx = max(1, round(threads / pw)) * pw
     ky = max(1, round(threads * aspect / ph)) * ph
     sag = d.uniform(0.0, 0.25)
-    bend = spectral(d, n, 2.5, low=2, batch=2)
+    bend = spectral(d, n, 2.8, low=2, high=14, batch=2)
     kink = spectral(d, n, 1.0, low=threads / 5, high=threads / 2, batch=2)
     x = u * kx + sag * (bend[0] + 0.4 * kink[0])
     y = v * ky + sag * (bend[1] + 0.4 * kink[1])
@@ -127,7 +127,7 @@ def _weave(
     albedo = torch.where(ground, albedo * 0.6, albedo) * (1 + d.uniform(0, 0.05) * (clouds(d, n) - 0.5))
     spread = d.uniform(0.02, 0.28)
     rough = d.uniform(0.56, 0.88) - spread * (depth - 0.6) + 0.025 * fuzz + 0.02 * fibre
-    folds = spectral(d, n, 3.2, low=d.uniform(1, 4), high=20)
+    folds = spectral(d, n, 3.6, low=d.uniform(1, 3), high=12)
     total = d.log_uniform(0.1, 0.75)
     height = to_slope(z + detail, total) + to_slope(folds, total * d.uniform(0.02, 0.4))
     return Surface(albedo, height, rough, total, limit=2.0)
@@ -177,7 +177,7 @@ def knit(d: Draw, n: int) -> Surface:
     u, v = d.grid(n)
     kx = int(min(d.log_uniform(6, 40), n / 9))
     ky = max(2, round(kx * d.uniform(1.1, 1.6)))
-    bend = spectral(d, n, 2.5, low=2, batch=2)
+    bend = spectral(d, n, 2.8, low=2, high=14, batch=2)
     sag = d.uniform(0.02, 0.14)
     x, y = u * kx + sag * bend[0], v * ky + sag * bend[1]
     i, j = torch.floor(x), torch.floor(y)
@@ -349,7 +349,7 @@ def quilt(d: Draw, n: int) -> Surface:
     """Padded cells between seams, puckered along them, the cloth's weave on top."""
     u, v = d.grid(n)
     k = d.integer(2, 7)
-    w = spectral(d, n, 3.0, low=2, batch=2)
+    w = spectral(d, n, 3.0, low=2, high=8, batch=2)
     x, y = u * k + 0.02 * w[0], v * k + 0.02 * w[1]
     if d.chance(0.4):
         x, y = x + y, x - y
@@ -381,7 +381,7 @@ def rope(d: Draw, n: int) -> Surface:
     u, v = d.grid(n)
     rows, strands = d.integer(4, 18), d.integer(1, 4)
     across = rows * strands
-    w = spectral(d, n, 2.5, low=2, batch=2)
+    w = spectral(d, n, 2.5, low=2, high=10, batch=2)
     y = v * rows + 0.05 * w[0]
     j = torch.floor(y)
     fy = y - j - 0.5

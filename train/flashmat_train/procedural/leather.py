@@ -32,7 +32,7 @@ def _grain(d: Draw, n: int, k: int, warp: float = 0.35, aspect: float = 1.0) -> 
     u, v = d.grid(n)
     ky = max(3, round(k * aspect))
     w = (warp / k) * spectral(d, n, 3.0, low=k / 3, high=3 * k, batch=2)
-    drift = (0.5 / k) * spectral(d, n, 3.0, low=1.5, batch=2)
+    drift = (0.5 / k) * spectral(d, n, 3.0, low=1.5, high=10, batch=2)
     c = worley(d, u + w[0] + drift[0], v + w[1] + drift[1], k, ky, 0.95)
     crease = d.uniform(0.16, 0.4) * torch.exp(0.3 * spectral(d, n, 2.2, low=2))
     dome = 1 - (1 - (c.edge / crease).clamp(0, 1)) ** 2
@@ -149,8 +149,8 @@ def crocodile(d: Draw, n: int) -> Surface:
     u, v = d.grid(n)
     k = d.integer(5, 16)
     ky = max(3, round(k * d.uniform(0.8, 1.8)))
-    drift = (0.35 / k) * spectral(d, n, 3.2, low=1.5, batch=2)
-    w = (0.07 / k) * spectral(d, n, 2.8, low=k, batch=2)
+    drift = (0.3 / k) * spectral(d, n, 3.2, low=1.5, high=8, batch=2)
+    w = (0.06 / k) * spectral(d, n, 2.8, low=k, high=3 * k, batch=2)
     c = worley(d, u + w[0] + drift[0], v + w[1] + drift[1], k, ky, d.uniform(0.35, 0.8))
     crease = d.uniform(0.06, 0.16)
     dome = 1 - (1 - (c.edge / (2.2 * crease)).clamp(0, 1)) ** 2.5
@@ -174,7 +174,7 @@ def stitched(d: Draw, n: int) -> Surface:
     base = _hide(d)
     s = _dress(d, n, grain, tone, base, k, 1.0, 0.0)
     kx, ky = d.integer(2, 6), d.integer(2, 6)
-    w = 0.02 * spectral(d, n, 3.2, low=2, batch=2)
+    w = 0.012 * spectral(d, n, 3.2, low=2, high=6, batch=2)
     kind = d.uniform()
     if kind < 0.6:
         a, b = u * kx + v * ky + w[0], u * kx - v * ky + w[1]
@@ -216,7 +216,7 @@ def woven(d: Draw, n: int) -> Surface:
     """Plaited straps, grain along each, edges worn."""
     u, v = d.grid(n)
     k = 2 * d.integer(2, 7)
-    w = 0.04 * spectral(d, n, 3.0, low=2, batch=2)
+    w = 0.025 * spectral(d, n, 3.0, low=2, high=8, batch=2)
     x, y = u * k + w[0], v * k + w[1]
     i, j = torch.floor(x), torch.floor(y)
     fx, fy = 2 * (x - i) - 1, 2 * (y - j) - 1
@@ -255,7 +255,7 @@ def embossed(d: Draw, n: int) -> Surface:
     """Saffiano and other stamped grains: a regular cross-hatch or dots in a glossy finish."""
     u, v = d.grid(n)
     k = int(min(d.log_uniform(24, 90), n / 5))
-    w = 0.06 * spectral(d, n, 2.6, low=2, batch=2)
+    w = 0.06 * spectral(d, n, 2.6, low=2, high=10, batch=2)
     x, y = u * k + w[0], v * k + w[1]
     if d.chance(0.5):
         a, b = torch.remainder(x + y, 1) - 0.5, torch.remainder(x - y, 1) - 0.5
