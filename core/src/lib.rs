@@ -28,6 +28,8 @@ pub mod maps;
 pub mod math;
 mod observer;
 pub mod search;
+#[cfg(test)]
+mod testing;
 
 pub use error::Error;
 pub use observer::{Observer, Silent, Stage};

@@ -12,6 +12,8 @@
 pub mod geometry;
 mod pixels;
 mod resample;
+#[cfg(test)]
+mod tests;
 pub mod transfer;
 mod yuv;
 

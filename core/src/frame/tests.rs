@@ -1,0 +1,386 @@
+//! The frame stage against an oracle in f64 that knows nothing of rows, and against itself in another layout.
+use super::transfer::srgb_to_linear;
+use super::*;
+use crate::exec::Inline;
+use crate::testing::property;
+use proptest::prelude::*;
+use std::vec;
+use std::vec::Vec;
+
+struct Prepared {
+    rgb: Vec<f32>,
+    clipped: Vec<u8>,
+    fov_deg: f32,
+}
+
+fn prepared_by(exec: &dyn Executor, frame: &Frame<'_>, size: usize, fov: &FieldOfView) -> Prepared {
+    let mut workspace = vec![0xA5; prepare_bytes(size)];
+    let image = prepare(frame, size, fov, exec, &mut Arena::new(&mut workspace)).expect("a good frame");
+    image.check().expect("lengths");
+    Prepared { rgb: image.rgb.to_vec(), clipped: image.clipped.to_vec(), fov_deg: image.fov_deg }
+}
+
+fn prepared(frame: &Frame<'_>, size: usize, fov: &FieldOfView) -> Prepared {
+    prepared_by(&Inline, frame, size, fov)
+}
+
+fn whole(frame: &Frame<'_>, size: usize) -> Prepared {
+    prepared(frame, size, &FieldOfView::default())
+}
+
+fn farthest(a: &[f32], b: &[f32]) -> f32 {
+    assert_eq!(a.len(), b.len());
+    a.iter().zip(b).map(|(x, y)| (x - y).abs()).fold(0.0, f32::max)
+}
+
+/// Width, height and RGB bytes of a random image.
+fn image(sides: core::ops::Range<usize>) -> impl Strategy<Value = (usize, usize, Vec<u8>)> {
+    (sides.clone(), sides)
+        .prop_flat_map(|(w, h)| (Just(w), Just(h), proptest::collection::vec(any::<u8>(), 3 * w * h)))
+}
+
+/// Mean over boxes in f64: every source pixel's overlap with every output pixel.
+fn oracle(data: &[u8], width: usize, height: usize, crop: &Crop, size: usize) -> Vec<f32> {
+    let step = crop.side / size as f64;
+    let overlap = |from: f64, pixel: usize| {
+        ((from + step).min(pixel as f64 + 1.0) - from.max(pixel as f64)).max(0.0) / step
+    };
+    let mut out = vec![0.0_f64; 3 * size * size];
+    for i in 0..size {
+        for j in 0..size {
+            for y in 0..height {
+                for x in 0..width {
+                    let weight = overlap(crop.y + step * i as f64, y) * overlap(crop.x + step * j as f64, x);
+                    for c in 0..3 {
+                        let code = f32::from(data[3 * (y * width + x) + c]) / 255.0;
+                        out[(c * size + i) * size + j] += weight * f64::from(srgb_to_linear(code));
+                    }
+                }
+            }
+        }
+    }
+    out.iter().map(|&v| v as f32).collect()
+}
+
+#[test]
+fn area_resampling_is_the_mean_over_boxes() {
+    property(200, (image(1..24), 1..24_usize, 20.0..80.0_f32), |((w, h, data), size, degrees)| {
+        let frame = Frame::rgb8(&data, w, h, 3 * w).expect("frame");
+        let fov = FieldOfView::shorter_side(degrees);
+        let crop = frame.crop(&fov).expect("angle");
+        prop_assume!(crop.side >= size as f64);
+        let got = prepared(&frame, size, &fov);
+        prop_assert!(farthest(&got.rgb, &oracle(&data, w, h, &crop, size)) < 2e-6);
+        prop_assert_eq!(got.fov_deg, crop.fov_deg);
+        Ok(())
+    });
+}
+
+#[test]
+fn the_mean_of_a_square_is_kept() {
+    property(100, (1..40_usize, 1..40_usize, any::<u64>()), |(side, size, seed)| {
+        prop_assume!(size <= side);
+        let data: Vec<f32> = (0..3 * side * side)
+            .map(|i| (seed.wrapping_mul(2 * i as u64 + 1).wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 40) as f32)
+            .map(|v| v / 16_777_216.0)
+            .collect();
+        let frame = Frame::rgb_f32(&data, side, side, 3 * side).expect("frame");
+        let got = whole(&frame, size);
+        for (c, plane) in got.rgb.chunks(size * size).enumerate() {
+            let before =
+                data.iter().skip(c).step_by(3).map(|&v| f64::from(v)).sum::<f64>() / (side * side) as f64;
+            let after = plane.iter().map(|&v| f64::from(v)).sum::<f64>() / (size * size) as f64;
+            prop_assert!((before - after).abs() < 1e-6, "{} {}", before, after);
+        }
+        Ok(())
+    });
+}
+
+#[test]
+fn equal_size_copies_exactly() {
+    property(50, (1..20_usize, any::<u64>()), |(side, seed)| {
+        let data: Vec<u8> =
+            (0..3 * side * side).map(|i| (seed.rotate_left(i as u32 % 64) >> 7) as u8).collect();
+        let frame = Frame::rgb8(&data, side, side, 3 * side).expect("frame");
+        let got = whole(&frame, side);
+        for (i, &code) in data.iter().enumerate() {
+            let at = i % 3 * side * side + i / 3;
+            prop_assert_eq!(got.rgb[at], srgb_to_linear(f32::from(code) / 255.0));
+        }
+        for (pixel, &clipped) in data.chunks(3).zip(&got.clipped) {
+            prop_assert_eq!(clipped, u8::from(pixel.iter().any(|&c| c >= 254)));
+        }
+        Ok(())
+    });
+}
+
+/// The stored image that a turn by `rotation` makes upright.
+fn stored(upright: &[u8], w: usize, h: usize, rotation: Rotation) -> (Vec<u8>, usize, usize) {
+    let (sw, sh) = if matches!(rotation, Rotation::Cw90 | Rotation::Cw270) { (h, w) } else { (w, h) };
+    let mut out = vec![0; 3 * w * h];
+    for y in 0..h {
+        for x in 0..w {
+            let (sx, sy) = match rotation {
+                Rotation::None => (x, y),
+                // Clockwise: the stored left column becomes the top row, read from the bottom.
+                Rotation::Cw90 => (y, w - 1 - x),
+                Rotation::Cw180 => (w - 1 - x, h - 1 - y),
+                Rotation::Cw270 => (h - 1 - y, x),
+            };
+            let (to, from) = (3 * (sy * sw + sx), 3 * (y * w + x));
+            out[to..to + 3].copy_from_slice(&upright[from..from + 3]);
+        }
+    }
+    (out, sw, sh)
+}
+
+#[test]
+fn a_turned_photo_gives_the_upright_image() {
+    property(100, (image(1..20), 1..24_usize, 30.0..80.0_f32), |((w, h, data), size, degrees)| {
+        let fov = FieldOfView::shorter_side(degrees);
+        let upright = prepared(&Frame::rgb8(&data, w, h, 3 * w).expect("frame"), size, &fov);
+        for rotation in [Rotation::Cw90, Rotation::Cw180, Rotation::Cw270] {
+            let (turned, tw, th) = stored(&data, w, h, rotation);
+            let frame = Frame::rgb8(&turned, tw, th, 3 * tw).expect("frame").rotated(rotation);
+            let got = prepared(&frame, size, &fov);
+            prop_assert!(farthest(&got.rgb, &upright.rgb) < 2e-6, "{:?}", rotation);
+            prop_assert_eq!(&got.clipped, &upright.clipped);
+        }
+        Ok(())
+    });
+}
+
+#[test]
+fn layouts_and_strides_do_not_matter() {
+    property(60, (image(1..14), 1..14_usize, 0..9_usize, any::<u8>()), |((w, h, data), size, pad, junk)| {
+        let plain = whole(&Frame::rgb8(&data, w, h, 3 * w).expect("frame"), size);
+        // Rows of `step` values to the pixel, each row with `pad` values of junk after it but the last.
+        let padded = |step: usize, order: [usize; 3]| {
+            let stride = step * w + pad;
+            let mut out = vec![junk; stride * h - pad];
+            for (i, pixel) in data.chunks(3).enumerate() {
+                for (c, &code) in pixel.iter().enumerate() {
+                    out[i / w * stride + i % w * step + order[c]] = code;
+                }
+            }
+            (out, stride)
+        };
+        let (rgb, stride) = padded(3, [0, 1, 2]);
+        let same = |frame: Frame<'_>| {
+            let got = whole(&frame, size);
+            (farthest(&got.rgb, &plain.rgb), got.clipped == plain.clipped)
+        };
+        prop_assert_eq!(same(Frame::rgb8(&rgb, w, h, stride).expect("frame")), (0.0, true));
+        let wide: Vec<u16> = rgb.iter().map(|&c| u16::from(c) * 257).collect();
+        let (far, clipped) = same(Frame::rgb16(&wide, w, h, stride).expect("frame"));
+        prop_assert!(far < 1e-6 && clipped);
+        let float: Vec<f32> = rgb.iter().map(|&c| f32::from(c) / 255.0).collect();
+        let encoded = Frame::rgb_f32(&float, w, h, stride).expect("frame").encoded(Encoding::Srgb);
+        prop_assert!(same(encoded).0 < 1e-6);
+        let (rgba, stride) = padded(4, [0, 1, 2]);
+        prop_assert_eq!(same(Frame::rgba8(&rgba, w, h, stride).expect("frame")), (0.0, true));
+        let (bgra, stride) = padded(4, [2, 1, 0]);
+        prop_assert_eq!(same(Frame::bgra8(&bgra, w, h, stride).expect("frame")), (0.0, true));
+        Ok(())
+    });
+}
+
+#[test]
+fn yuv_layouts_agree() {
+    property(60, (image(1..14), 1..14_usize, 0..5_usize, 0..5_usize), |((w, h, noise), size, py, pc)| {
+        let (cw, ch) = (w.div_ceil(2), h.div_ceil(2));
+        let at = |i: usize| noise[i % noise.len()];
+        let luma: Vec<u8> = (0..(w + py) * h).map(at).collect();
+        let u: Vec<u8> = (0..cw * ch).map(|i| at(7 * i + 1)).collect();
+        let v: Vec<u8> = (0..cw * ch).map(|i| at(5 * i + 2)).collect();
+        let stride = 2 * cw + pc;
+        let (mut uv, mut vu) = (vec![9; stride * ch], vec![9; stride * ch]);
+        for i in 0..cw * ch {
+            let to = i / cw * stride + i % cw * 2;
+            (uv[to], uv[to + 1], vu[to], vu[to + 1]) = (u[i], v[i], v[i], u[i]);
+        }
+        let planar = YuvPlanes {
+            y: &luma,
+            y_row_stride: w + py,
+            y_pixel_stride: 1,
+            u: &u,
+            v: &v,
+            uv_row_stride: cw,
+            uv_pixel_stride: 1,
+        };
+        for (matrix, range) in [(YuvMatrix::Bt601, Range::Full), (YuvMatrix::Bt709, Range::Limited)] {
+            let bits = |frame: Frame<'_>| whole(&frame.yuv_colour(matrix, range), size).rgb;
+            let expected = bits(Frame::yuv420(planar, w, h).expect("frame"));
+            prop_assert_eq!(&bits(Frame::nv12(&luma, w + py, &uv, stride, w, h).expect("frame")), &expected);
+            prop_assert_eq!(&bits(Frame::nv21(&luma, w + py, &vu, stride, w, h).expect("frame")), &expected);
+        }
+        Ok(())
+    });
+}
+
+#[test]
+fn known_yuv_colours_become_linear_light() {
+    // BT.601 limited, 2x2 each: red (81, 90, 240), mid grey (126, 128, 128) = code 128.
+    let (y, uv) = ([81, 81, 126, 126, 81, 81, 126, 126], [90, 240, 128, 128]);
+    let frame = Frame::nv12(&y, 4, &uv, 4, 4, 2).expect("frame");
+    let frame = frame.yuv_colour(YuvMatrix::Bt601, Range::Limited);
+    let got = whole(&frame, 2);
+    // The central square is columns 1 and 2: one red, one grey.
+    assert!((got.rgb[0] - 1.0).abs() < 0.02 && got.rgb[4] < 0.001 && got.rgb[8] < 0.001, "{:?}", got.rgb);
+    for c in 0..3 {
+        assert!((got.rgb[4 * c + 1] - srgb_to_linear(128.0 / 255.0)).abs() < 1e-6, "{:?}", got.rgb);
+    }
+    assert_eq!(got.clipped, [1, 0, 1, 0]);
+}
+
+#[test]
+fn p3_colours_are_taken_to_srgb_and_clamped() {
+    let linear = |rgb: [f32; 3], encoding| {
+        let frame = Frame::rgb_f32(&rgb, 1, 1, 3).expect("frame").encoded(encoding);
+        whole(&frame, 1).rgb
+    };
+    assert_eq!(linear([1.0, 0.0, 0.0], Encoding::DisplayP3), [1.0, 0.0, 0.0]);
+    let grey = linear([0.5; 3], Encoding::DisplayP3);
+    assert!(farthest(&grey, &[srgb_to_linear(0.5); 3]) < 1e-6);
+    // Within sRGB: 0.5, 0.4, 0.3 encoded = 0.214041, 0.132868, 0.073239 linear, times the matrix's rows.
+    let colour = linear([0.5, 0.4, 0.3], Encoding::DisplayP3);
+    assert!(farthest(&colour, &[0.232_300, 0.129_454, 0.065_785]) < 2e-6, "{colour:?}");
+    assert_eq!(linear([0.25, 7.0, 0.5], Encoding::Linear), [0.25, 1.0, 0.5]);
+}
+
+#[test]
+fn small_photos_are_interpolated() {
+    let one = whole(&Frame::rgb8(&[255, 0, 128], 1, 1, 3).expect("frame"), 8);
+    assert!(one.rgb[..64].iter().all(|&v| v == 1.0) && one.rgb[64..128].iter().all(|&v| v == 0.0));
+    assert!(one.clipped.iter().all(|&c| c == 1));
+    let line = vec![77; 150_000];
+    for (w, h) in [(50_000, 1), (1, 50_000)] {
+        let got = whole(&Frame::rgb8(&line, w, h, 3 * w).expect("frame"), 4);
+        assert!(got.rgb.iter().all(|&v| (v - srgb_to_linear(77.0 / 255.0)).abs() < 1e-7));
+    }
+    // A ramp stays a ramp between the outermost pixel centres.
+    let ramp: Vec<f32> = (0..16).flat_map(|i| [(i % 4) as f32 / 4.0; 3]).collect();
+    let got = whole(&Frame::rgb_f32(&ramp, 4, 4, 12).expect("frame"), 8);
+    let expected = [0.0, 0.0625, 0.1875, 0.3125, 0.4375, 0.5625, 0.6875, 0.75];
+    for row in got.rgb.chunks(8) {
+        assert!(farthest(row, &expected) < 1e-6, "{row:?}");
+    }
+}
+
+#[test]
+fn one_clipped_pixel_marks_the_pixels_that_it_touches() {
+    let mut data = vec![100_u8; 3 * 10 * 10];
+    data[3 * (3 * 10 + 7) + 1] = 254;
+    let got = whole(&Frame::rgb8(&data, 10, 10, 30).expect("frame"), 4);
+    // Boxes of 2.5: row 3 lies in box 1 alone, column 7 in boxes 2 (5 to 7.5) and 3.
+    let marked: Vec<usize> = (0..16).filter(|&i| got.clipped[i] == 1).collect();
+    assert_eq!(marked, [6, 7]);
+}
+
+#[test]
+fn the_crop_follows_from_the_field_of_view() {
+    let data = vec![0; 3 * 400 * 300];
+    let frame = Frame::rgb8(&data, 400, 300, 1200).expect("frame");
+    let crop = |fov| frame.crop(&fov);
+    // tan(21.675 deg) / tan(30 deg) = 0.397443 / 0.577350 = 0.688391.
+    let wide = crop(FieldOfView::shorter_side(60.0)).expect("angle");
+    assert!((wide.side - 206.517).abs() < 0.01 && wide.fov_deg == 43.35, "{wide:?}");
+    assert!(
+        (wide.x - (400.0 - wide.side) / 2.0).abs() < 1e-9
+            && (wide.y - (300.0 - wide.side) / 2.0).abs() < 1e-9
+    );
+    let narrow = crop(FieldOfView::shorter_side(30.0)).expect("angle");
+    assert!(narrow.side == 300.0 && (narrow.fov_deg - 30.0).abs() < 1e-4, "{narrow:?}");
+    // 26 mm: half the short side of a 4:3 sensor with a 43.27 mm diagonal is 12.98 mm: 12.98/26 = 0.499230.
+    let phone = crop(FieldOfView::focal_35mm(26.0)).expect("length");
+    assert!((phone.side - 300.0 * 0.397_443 / 0.499_230).abs() < 0.02, "{phone:?}");
+    let unknown = crop(FieldOfView::default()).expect("nothing known");
+    assert_eq!((unknown.side, unknown.fov_deg), (300.0, 43.35));
+    for bad in [0.0, -5.0, 180.0, f32::NAN, f32::INFINITY] {
+        assert_eq!(crop(FieldOfView::shorter_side(bad)), Err(Error::FieldOfView));
+        assert_eq!(crop(FieldOfView::focal_35mm(bad * 0.0)), Err(Error::FieldOfView));
+        assert_eq!(crop(FieldOfView { target_deg: bad, ..FieldOfView::default() }), Err(Error::FieldOfView));
+    }
+}
+
+#[test]
+fn every_misuse_has_its_error() {
+    let data = [0_u8; 64];
+    let error = |r: Result<Frame<'_>, Error>| r.err();
+    assert_eq!(error(Frame::rgb8(&data, 0, 4, 12)), Some(Error::FrameEmpty));
+    assert_eq!(error(Frame::rgb8(&data, 4, 0, 12)), Some(Error::FrameEmpty));
+    assert_eq!(error(Frame::rgb8(&data, 4, 4, 11)), Some(Error::FrameStride { needed: 12, given: 11 }));
+    assert_eq!(error(Frame::rgb8(&data, 4, 6, 12)), Some(Error::FrameBuffer { needed: 72, given: 64 }));
+    assert_eq!(error(Frame::rgba8(&data, 4, 2, usize::MAX)), Some(Error::FrameTooLarge));
+    assert_eq!(error(Frame::rgba8(&data, usize::MAX, 2, usize::MAX)), Some(Error::FrameTooLarge));
+    assert_eq!(
+        error(Frame::nv12(&data, 4, &data[..7], 4, 4, 4)),
+        Some(Error::FrameBuffer { needed: 7, given: 6 })
+    );
+    assert_eq!(
+        error(Frame::nv21(&data, 3, &data, 4, 4, 4)),
+        Some(Error::FrameStride { needed: 4, given: 3 })
+    );
+    for (bad, at) in [(f32::NAN, 4), (f32::INFINITY, 0), (-1e-9, 11)] {
+        let mut pixels = [0.5; 14];
+        pixels[at] = bad;
+        let (x, y) = if at < 7 { (at / 3, 0) } else { ((at - 7) / 3, 1) };
+        assert_eq!(error(Frame::rgb_f32(&pixels, 2, 2, 7)), Some(Error::FramePixel { x, y }));
+    }
+    // What lies between the rows is not a pixel.
+    let mut pixels = [0.5; 14];
+    pixels[6] = f32::NAN;
+    assert_eq!(error(Frame::rgb_f32(&pixels, 2, 2, 7)), None);
+    let frame = Frame::rgb8(&data, 4, 4, 12).expect("frame");
+    let run = |size: usize, bytes: usize| {
+        let mut workspace = vec![0; bytes];
+        let fov = FieldOfView::default();
+        prepare(&frame, size, &fov, &Inline, &mut Arena::new(&mut workspace)).err()
+    };
+    assert_eq!(run(0, 64), Some(Error::Size { size: 0 }));
+    assert_eq!(run(MAX_SIZE + 1, 64), Some(Error::Size { size: MAX_SIZE + 1 }));
+    assert!(matches!(run(16, 2000), Some(Error::WorkspaceTooSmall { .. })));
+}
+
+#[test]
+fn no_size_or_stride_panics() {
+    let sides = prop_oneof![0..9_usize, Just(usize::MAX), Just(1 << 20), any::<usize>()];
+    let strides = prop_oneof![0..40_usize, Just(usize::MAX), any::<usize>()];
+    let inputs = (sides.clone(), sides, [strides.clone(), strides.clone(), strides], 0..200_usize);
+    property(3000, inputs, |(w, h, [a, b, c], len)| {
+        let (bytes, wide, float) = (vec![7_u8; len], vec![7_u16; len], vec![0.5_f32; len]);
+        let planes = YuvPlanes {
+            y: &bytes,
+            y_row_stride: a,
+            y_pixel_stride: b % 3,
+            u: &bytes,
+            v: &bytes[len / 2..],
+            uv_row_stride: b,
+            uv_pixel_stride: c,
+        };
+        let frames = [
+            Frame::rgb8(&bytes, w, h, a),
+            Frame::bgra8(&bytes, w, h, b),
+            Frame::rgb16(&wide, w, h, a),
+            Frame::rgb_f32(&float, w, h, c),
+            Frame::nv12(&bytes, a, &bytes, b, w, h),
+            Frame::yuv420(planes, w, h),
+        ];
+        for frame in frames.iter().flatten() {
+            let got = whole(frame, 5);
+            prop_assert!(got.rgb.iter().all(|v| (0.0..=1.0).contains(v)));
+        }
+        Ok(())
+    });
+}
+
+#[cfg(feature = "parallel")]
+#[test]
+fn threads_do_not_change_a_bit() {
+    let data: Vec<u8> = (0..3 * 97 * 61).map(|i| (i * 37 % 251) as u8).collect();
+    let frame = Frame::rgb8(&data, 97, 61, 291).expect("frame").rotated(Rotation::Cw90);
+    let pool = crate::exec::Pool::new(3).expect("threads");
+    let fov = FieldOfView::shorter_side(50.0);
+    let (one, many) = (prepared(&frame, 33, &fov), prepared_by(&pool, &frame, 33, &fov));
+    assert!(one.rgb == many.rgb && one.clipped == many.clipped);
+}
