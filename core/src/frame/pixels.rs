@@ -82,8 +82,8 @@ impl<'a> Pixels<'a> {
         check_sides(width, height)?;
         check_buffer(data.len(), width * 3, height, stride)?;
         for (y, row) in data.chunks(stride).take(height).enumerate() {
-            // The comparison is false for NaN.
-            let bad = row.iter().take(width * 3).position(|&v| !(v >= 0.0 && v <= f32::MAX));
+            // NaN is in no range.
+            let bad = row.iter().take(width * 3).position(|v| !(0.0..=f32::MAX).contains(v));
             if let Some(at) = bad {
                 return Err(Error::FramePixel { x: at / 3, y });
             }
