@@ -190,7 +190,7 @@ mod tests {
     #[test]
     fn finite_at_grazing_angles_and_without_roughness() {
         for roughness in [0.0, 1e-20, 1e-3, 0.5, 1.0] {
-            for angle in [0.0, 1e-4, 0.5, 1.57, 1.570_796, 1.570_796_3] {
+            for angle in [0.0, 1e-4, 0.5, 1.57, PI64 / 2.0 - 1e-6, PI64 / 2.0] {
                 for phi in [0.0, 1.0, PI64] {
                     let f = sample(roughness, 0.5).evaluate(direction(angle, phi), direction(angle, 0.0));
                     assert!(f.is_finite() && f.min_element() >= 0.0, "{roughness} {angle}: {f}");

@@ -82,10 +82,11 @@ impl<'a> Pixels<'a> {
         check_sides(width, height)?;
         check_buffer(data.len(), width * 3, height, stride)?;
         for (y, row) in data.chunks(stride).take(height).enumerate() {
-            // NaN is in no range.
-            let bad = row.iter().take(width * 3).position(|v| !(0.0..=f32::MAX).contains(v));
-            if let Some(at) = bad {
-                return Err(Error::FramePixel { x: at / 3, y });
+            // NaN is in no range. The whole row first, without a branch; where in it, only when there is one.
+            let row = row.get(..width * 3).unwrap_or(row);
+            let bad = |v: &f32| !(0.0..=f32::MAX).contains(v);
+            if row.iter().fold(false, |any, v| any | bad(v)) {
+                return Err(Error::FramePixel { x: row.iter().position(bad).unwrap_or(0) / 3, y });
             }
         }
         Ok(Self::Float { data, stride })
@@ -147,8 +148,12 @@ impl<'a> Pixels<'a> {
                 fill_wide_table(table, curve);
                 resample::run(&Wide { data, stride, table }, window, exec, rgb, clipped);
             }
+            // The identity by itself: a call for every value of a large photo would cost more than the sums.
+            Self::Float { data, stride } if encoding == Encoding::Linear => {
+                resample::run(&Float { data, stride, curve: |x| x }, window, exec, rgb, clipped);
+            }
             Self::Float { data, stride } => {
-                resample::run(&Float { data, stride, curve }, window, exec, rgb, clipped);
+                resample::run(&Float { data, stride, curve: srgb_to_linear }, window, exec, rgb, clipped);
             }
             Self::Yuv { planes, matrix, range, .. } => {
                 let source =
@@ -195,15 +200,15 @@ struct Bytes<'a, const STEP: usize> {
 impl<const STEP: usize> Source for Bytes<'_, STEP> {
     #[inline]
     fn sum(&self, y: usize, start: usize, end: usize) -> Sum {
-        let (mut rgb, mut most) = ([0.0; 3], 0);
+        let (mut rgb, mut most) = ([0.0; 3], [0; 3]);
         let (pixels, _) = span(self.data, self.stride, STEP, y, start, end).as_chunks::<STEP>();
         for pixel in pixels {
-            for (sum, &code) in rgb.iter_mut().zip(pixel) {
+            for ((sum, most), &code) in rgb.iter_mut().zip(&mut most).zip(pixel) {
                 *sum += self.table[usize::from(code)];
-                most = code.max(most);
+                *most = code.max(*most);
             }
         }
-        Sum { rgb, clipped: most >= CLIPPED_BYTE }
+        Sum { rgb, clipped: most.iter().any(|&code| code >= CLIPPED_BYTE) }
     }
 }
 
@@ -216,34 +221,34 @@ struct Wide<'a> {
 impl Source for Wide<'_> {
     #[inline]
     fn sum(&self, y: usize, start: usize, end: usize) -> Sum {
-        let (mut rgb, mut most) = ([0.0; 3], 0);
+        let (mut rgb, mut most) = ([0.0; 3], [0; 3]);
         for pixel in span(self.data, self.stride, 3, y, start, end).as_chunks::<3>().0 {
-            for (sum, &code) in rgb.iter_mut().zip(pixel) {
+            for ((sum, most), &code) in rgb.iter_mut().zip(&mut most).zip(pixel) {
                 *sum += wide_lookup(self.table, code).min(1.0);
-                most = code.max(most);
+                *most = code.max(*most);
             }
         }
-        Sum { rgb, clipped: most >= CLIPPED_WIDE }
+        Sum { rgb, clipped: most.iter().any(|&code| code >= CLIPPED_WIDE) }
     }
 }
 
-struct Float<'a> {
+struct Float<'a, C> {
     data: &'a [f32],
     stride: usize,
-    curve: fn(f32) -> f32,
+    curve: C,
 }
 
-impl Source for Float<'_> {
+impl<C: Fn(f32) -> f32 + Sync> Source for Float<'_, C> {
     #[inline]
     fn sum(&self, y: usize, start: usize, end: usize) -> Sum {
-        let (mut rgb, mut most) = ([0.0; 3], 0.0_f32);
+        let (mut rgb, mut most) = ([0.0; 3], [0.0_f32; 3]);
         for pixel in span(self.data, self.stride, 3, y, start, end).as_chunks::<3>().0 {
-            for (sum, &value) in rgb.iter_mut().zip(pixel) {
+            for ((sum, most), &value) in rgb.iter_mut().zip(&mut most).zip(pixel) {
                 *sum += (self.curve)(value.min(1.0));
-                most = value.max(most);
+                *most = value.max(*most);
             }
         }
-        Sum { rgb, clipped: most >= 1.0 }
+        Sum { rgb, clipped: most.iter().any(|&value| value >= 1.0) }
     }
 }
 
@@ -258,16 +263,16 @@ impl Source for Yuv<'_> {
     fn sum(&self, y: usize, start: usize, end: usize) -> Sum {
         let p = &self.planes;
         let (luma_row, chroma_row) = (y * p.y_row_stride, y / 2 * p.uv_row_stride);
-        let (mut rgb, mut most) = ([0.0; 3], 0);
+        let (mut rgb, mut most) = ([0.0; 3], [0; 3]);
         for x in start..end {
             let chroma = chroma_row + x / 2 * p.uv_pixel_stride;
             let (luma, u, v) = (p.y.get(luma_row + x * p.y_pixel_stride), p.u.get(chroma), p.v.get(chroma));
             let (Some(&luma), Some(&u), Some(&v)) = (luma, u, v) else { break };
-            for (sum, code) in rgb.iter_mut().zip(self.converter.rgb(luma, u, v)) {
+            for ((sum, most), code) in rgb.iter_mut().zip(&mut most).zip(self.converter.rgb(luma, u, v)) {
                 *sum += self.table[usize::from(code)];
-                most = code.max(most);
+                *most = code.max(*most);
             }
         }
-        Sum { rgb, clipped: most >= CLIPPED_BYTE }
+        Sum { rgb, clipped: most.iter().any(|&code| code >= CLIPPED_BYTE) }
     }
 }
