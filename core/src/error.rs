@@ -61,6 +61,22 @@ pub enum Error {
     PhotoBlack,
     /// The system gave no threads.
     Threads,
+    /// The bytes are not a model that this build can run.
+    Model(crate::net::ModelError),
+    /// The network cannot run at this size, or photo and maps are not of the size that it was planned for.
+    NetworkSize {
+        /// The size given.
+        size: usize,
+        /// What it must be a multiple of, or be.
+        multiple: usize,
+    },
+    /// This CPU or this build does not have the instruction set asked for.
+    LevelUnsupported {
+        /// The one asked for.
+        level: crate::kernels::Level,
+    },
+    /// A map or weight that a CRF is to refine is NaN, infinite or out of all measure.
+    CrfInput,
 }
 
 impl fmt::Display for Error {
@@ -100,6 +116,14 @@ impl fmt::Display for Error {
             ),
             Self::PhotoBlack => f.write_str("the photo is black; take it with the flash on or more exposure"),
             Self::Threads => f.write_str("the system gave no threads"),
+            Self::Model(error) => write!(f, "model: {error}"),
+            Self::NetworkSize { size, multiple } => {
+                write!(f, "size {size} does not suit the network: it takes multiples of {multiple}")
+            }
+            Self::LevelUnsupported { level } => {
+                write!(f, "level {} is not available on this CPU or in this build", level.name())
+            }
+            Self::CrfInput => f.write_str("a map to refine holds NaN, infinite or immense values"),
         }
     }
 }

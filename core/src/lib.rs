@@ -14,22 +14,30 @@
 #![no_std]
 #![deny(unsafe_code)]
 
-#[cfg(feature = "alloc")]
+#[cfg(any(feature = "alloc", test))]
 extern crate alloc;
 #[cfg(any(feature = "std", test))]
 extern crate std;
 
 pub mod arena;
 pub mod brdf;
+pub mod crf;
 mod error;
 pub mod exec;
 pub mod frame;
+pub mod kernels;
 pub mod maps;
 pub mod math;
+pub mod net;
 mod observer;
+pub mod pipeline;
 pub mod search;
+#[cfg(feature = "alloc")]
+mod session;
 #[cfg(test)]
 mod testing;
 
 pub use error::Error;
 pub use observer::{Observer, Silent, Stage};
+#[cfg(feature = "alloc")]
+pub use session::{Session, SessionOptions};

@@ -1,0 +1,211 @@
+//! Bands: the input rows that a few output rows need, up-sampled, concatenated and padded, so that every kernel row
+//! of every output pixel is one contiguous run. A band is all that is ever gathered; whole images never are.
+//!
+//! An image's output rows are cut into at most [`SLOTS`] equal parts for the executor; each part works through its
+//! bands one after the other in its own piece of scratch memory. Cuts depend on shapes alone, never on threads.
+use super::graph::Window;
+use crate::kernels::{Geometry, pack};
+
+/// Most parts that can run at once.
+const SLOTS: usize = 8;
+/// Most output rows in a band; more rows gather fewer input rows twice.
+const MAX_ROWS: usize = 8;
+/// Bands of more than [`MIN_ROWS`] rows stay below this many bytes, to lie in a second-level cache.
+const TARGET_BYTES: usize = 96 << 10;
+const MIN_ROWS: usize = 2;
+
+/// An int8 image as a convolution reads it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Input<'a> {
+    /// Interleaved codes, `side x side x channels`.
+    pub(crate) data: &'a [i8],
+    /// Pixels per side, before up-sampling.
+    pub(crate) side: usize,
+    /// Channels.
+    pub(crate) channels: usize,
+    /// Every pixel is read twice in both directions.
+    pub(crate) upsample: bool,
+    /// Code of real zero, which padding gets.
+    pub(crate) zero_point: i8,
+}
+
+/// How a convolution's output is cut into bands.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Bands {
+    /// Output rows, and pixels in each.
+    pub(crate) side: usize,
+    /// Output rows in a band (the last of a part may have fewer).
+    pub(crate) rows: usize,
+    /// Parts for the executor.
+    pub(crate) slots: usize,
+    /// Output rows in a part (the last may have fewer).
+    pub(crate) slot_rows: usize,
+    /// Bytes between input rows of a band.
+    pub(crate) pitch: usize,
+    /// Bytes of a whole band.
+    pub(crate) len: usize,
+    window: Window,
+    cin: usize,
+}
+
+impl Bands {
+    /// Bands of a convolution with `side x side` output pixels that reads `cin` channels.
+    pub(crate) fn new(window: &Window, cin: usize, side: usize) -> Self {
+        let [_, left, _, right] = window.pad;
+        let columns = side.saturating_mul(window.stride).saturating_add(left + right);
+        let run = pack::Shape::new(1, window.height, window.width, cin).groups() * pack::GROUP;
+        // The last pixel's last group may reach past the row: keep zeros there.
+        let pitch = columns.saturating_mul(cin).saturating_add(run - window.width * cin).next_multiple_of(64);
+        let input_rows = |rows: usize| (rows - 1) * window.stride + window.height;
+        let fits = |rows: &usize| input_rows(*rows).saturating_mul(pitch) <= TARGET_BYTES;
+        let most = MAX_ROWS.min(side.max(1));
+        let rows = (MIN_ROWS.min(most)..=most).rev().find(fits).unwrap_or(MIN_ROWS.min(most));
+        let bands = side.div_ceil(rows);
+        let slots = bands.clamp(1, SLOTS);
+        let slot_rows = bands.div_ceil(slots) * rows;
+        let slots = side.div_ceil(slot_rows).max(1);
+        let len = input_rows(rows).saturating_mul(pitch);
+        Self { side, rows, slots, slot_rows, pitch, len, window: *window, cin }
+    }
+
+    /// Where `rows` output rows lie in a band.
+    pub(crate) fn geometry(&self, rows: usize) -> Geometry {
+        Geometry {
+            pitch: self.pitch,
+            step: self.window.stride * self.cin,
+            row_step: self.window.stride * self.pitch,
+            rows,
+            cols: self.side,
+        }
+    }
+
+    /// Fills a band for `rows` output rows from `first`; codes are stored xor `flip`.
+    pub(crate) fn fill<'a>(
+        &self,
+        inputs: impl Iterator<Item = Input<'a>> + Clone,
+        first: usize,
+        rows: usize,
+        flip: u8,
+        band: &mut [u8],
+    ) {
+        let input_rows = rows.saturating_sub(1) * self.window.stride + self.window.height;
+        let [top, ..] = self.window.pad;
+        for (row, line) in band.chunks_exact_mut(self.pitch).take(input_rows).enumerate() {
+            let from = (first * self.window.stride + row).checked_sub(top);
+            self.fill_row(inputs.clone(), from, flip, line);
+        }
+    }
+
+    /// One padded row; `from` is the input row, or `None` above the image.
+    fn fill_row<'a>(
+        &self,
+        inputs: impl Iterator<Item = Input<'a>>,
+        from: Option<usize>,
+        flip: u8,
+        line: &mut [u8],
+    ) {
+        let [_, left, _, right] = self.window.pad;
+        let width = self.side * self.window.stride;
+        let end = (left + width + right) * self.cin;
+        if let Some(slack) = line.get_mut(end..) {
+            slack.fill(0);
+        }
+        let mut channel = 0;
+        for input in inputs {
+            let zero = input.zero_point.cast_unsigned() ^ flip;
+            let y = from.map(|y| if input.upsample { y / 2 } else { y });
+            let row_len = input.side * input.channels;
+            let source = y.and_then(|y| input.data.get(y * row_len..(y + 1) * row_len));
+            let mut pixels = line
+                .get_mut(..end)
+                .unwrap_or(&mut [])
+                .chunks_exact_mut(self.cin)
+                .map(|pixel| pixel.get_mut(channel..channel + input.channels).unwrap_or(&mut []));
+            match source {
+                None => pixels.for_each(|pixel| pixel.fill(zero)),
+                Some(source) => {
+                    pixels.by_ref().take(left).for_each(|pixel| pixel.fill(zero));
+                    if input.upsample {
+                        for codes in source.chunks_exact(input.channels) {
+                            for pixel in pixels.by_ref().take(2) {
+                                copy_flipped(codes, flip, pixel);
+                            }
+                        }
+                    } else {
+                        for (codes, pixel) in source.chunks_exact(input.channels).zip(pixels.by_ref()) {
+                            copy_flipped(codes, flip, pixel);
+                        }
+                    }
+                    pixels.for_each(|pixel| pixel.fill(zero));
+                }
+            }
+            channel += input.channels;
+        }
+    }
+}
+
+/// Copies codes xor `flip`, sixteen at a time: channel counts are too small for a call of `memcpy`.
+#[inline]
+fn copy_flipped(codes: &[i8], flip: u8, out: &mut [u8]) {
+    let (wide_in, rest_in) = codes.as_chunks::<16>();
+    let (wide_out, rest_out) = out.as_chunks_mut::<16>();
+    for (out, codes) in wide_out.iter_mut().zip(wide_in) {
+        *out = codes.map(|q| q.cast_unsigned() ^ flip);
+    }
+    for (out, &q) in rest_out.iter_mut().zip(rest_in) {
+        *out = q.cast_unsigned() ^ flip;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::vec;
+    use std::vec::Vec;
+
+    #[test]
+    fn a_band_holds_what_the_window_reads() {
+        let first: Vec<i8> = (0..3 * 3 * 4).map(|i| i as i8).collect();
+        let second: Vec<i8> = (0..6 * 6 * 3).map(|i| 60 - i as i8).collect();
+        let inputs = [
+            Input { data: &first, side: 3, channels: 4, upsample: true, zero_point: -7 },
+            Input { data: &second, side: 6, channels: 3, upsample: false, zero_point: 9 },
+        ];
+        let window = Window { height: 3, width: 3, stride: 1, pad: [1, 1, 1, 1] };
+        let bands = Bands::new(&window, 7, 6);
+        for flip in [0, 0x80] {
+            for start in 0..6 {
+                let rows = bands.rows.min(6 - start);
+                let mut band = vec![0xEE; bands.len];
+                bands.fill(inputs.iter().copied(), start, rows, flip, &mut band);
+                for row in 0..rows + 2 {
+                    for column in 0..8 {
+                        for c in 0..7 {
+                            let (y, x) = ((start + row).wrapping_sub(1), (column as usize).wrapping_sub(1));
+                            let want = match (y < 6 && x < 6, c < 4) {
+                                (false, true) => -7,
+                                (false, false) => 9,
+                                (true, true) => first[((y / 2) * 3 + x / 2) * 4 + c],
+                                (true, false) => second[(y * 6 + x) * 3 + c - 4],
+                            };
+                            assert_eq!(band[row * bands.pitch + column * 7 + c], want as u8 ^ flip);
+                        }
+                    }
+                    assert!(band[row * bands.pitch + 8 * 7..(row + 1) * bands.pitch].iter().all(|&b| b == 0));
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn parts_cover_all_rows() {
+        for side in [1, 2, 3, 7, 8, 16, 31, 64, 100, 128, 512, 1024] {
+            for cin in [5, 32, 72, 512] {
+                let window = Window { height: 3, width: 3, stride: 1, pad: [1, 1, 1, 1] };
+                let bands = Bands::new(&window, cin, side);
+                assert!(bands.slots <= SLOTS && bands.rows >= 1 && bands.slot_rows % bands.rows == 0);
+                assert!(bands.slots * bands.slot_rows >= side && (bands.slots - 1) * bands.slot_rows < side);
+            }
+        }
+    }
+}

@@ -1,0 +1,390 @@
+//! Records of the file to a [`Graph`]: every count, offset, shape and value is checked here, once.
+use super::ModelError;
+use super::format::{F32s, I32s, Sections};
+use super::graph::{
+    Conv, Dense, Graph, INPUT, INPUT_CHANNELS, INPUT_SCALE, INPUT_ZERO_POINT, Layer, MAX_BIAS, MAX_CHANNELS,
+    MAX_DIVISOR, MAX_KERNEL, MAX_LAYERS, MAX_PRODUCTS, MAX_TENSORS, MeanPool, MixHead, Name, Op, Source,
+    Sources, Tensor, Window,
+};
+use super::{CLASSES, Map};
+use crate::kernels::pack;
+
+const HEADER: usize = 16;
+const TENSOR_RECORD: usize = 64;
+const LAYER_RECORD: usize = 160;
+const FIELDS: usize = 32;
+const NONE: u32 = u32::MAX;
+/// Most pixels of a map per pixel of a head, in each direction.
+const MAX_SHUFFLE: u32 = 4;
+
+/// Numbers of a layer record's fields.
+mod field {
+    pub(super) const OP: usize = 0;
+    pub(super) const SOURCE0: usize = 1;
+    pub(super) const SOURCE1: usize = 3;
+    pub(super) const OUTPUT: usize = 5;
+    pub(super) const KERNEL_HEIGHT: usize = 6;
+    pub(super) const KERNEL_WIDTH: usize = 7;
+    pub(super) const STRIDE: usize = 8;
+    pub(super) const PAD: usize = 9;
+    pub(super) const RELU: usize = 13;
+    pub(super) const SHUFFLE: usize = 14;
+    pub(super) const MAP: usize = 15;
+    pub(super) const CLASSES: usize = 16;
+    pub(super) const COUT: usize = 17;
+    pub(super) const WEIGHTS: usize = 18;
+    pub(super) const BIAS: usize = 19;
+    pub(super) const WEIGHT_SCALE: usize = 20;
+    pub(super) const SUMS: usize = 21;
+    pub(super) const FLOAT_WEIGHTS: usize = 22;
+    pub(super) const FLOAT_BIAS: usize = 23;
+}
+
+/// The graph of a file's sections.
+///
+/// # Errors
+/// The [`ModelError`] of the first rule that is broken.
+pub(super) fn graph<'m>(sections: &Sections<'m>) -> Result<Graph<'m>, ModelError> {
+    let length = ModelError::SectionLength { kind: *b"GRPH" };
+    let (header, records) = sections.graph.split_at_checked(HEADER).ok_or(length)?;
+    let (header, _) = header.as_chunks::<4>();
+    let &[tensor_count, layer_count, input, logits] = header else { return Err(length) };
+    let [tensor_count, layer_count, input, logits] =
+        [tensor_count, layer_count, input, logits].map(u32::from_le_bytes);
+    for (found, limit) in [(tensor_count, MAX_TENSORS as u32), (layer_count, MAX_LAYERS as u32)] {
+        if found == 0 || found > limit {
+            return Err(ModelError::Count { found, limit });
+        }
+    }
+    let (tensor_count, layer_count) = (tensor_count as usize, layer_count as usize);
+    let (tensors, layers) = records.split_at_checked(tensor_count * TENSOR_RECORD).ok_or(length)?;
+    if layers.len() != layer_count * LAYER_RECORD {
+        return Err(length);
+    }
+    let mut loader =
+        Loader { sections, tensors: heapless::Vec::new(), written: [false; MAX_TENSORS], layer: 0 };
+    for (index, record) in tensors.chunks_exact(TENSOR_RECORD).enumerate() {
+        let tensor = read_tensor(record, index as u32)?;
+        loader.tensors.push(tensor).map_err(|_| length)?;
+    }
+    loader.check_input(input)?;
+    let logits = loader.check_logits(logits)?;
+    let mut graph_layers = heapless::Vec::new();
+    let mut heads = [0; 3];
+    for (index, record) in layers.chunks_exact(LAYER_RECORD).enumerate() {
+        loader.layer = index as u32;
+        let layer = loader.read_layer(record, logits)?;
+        if let Op::MixHead(head) = &layer.op {
+            heads[head.map as usize] += 1;
+        }
+        graph_layers.push(layer).map_err(|_| length)?;
+    }
+    if heads != [1; 3] {
+        return Err(ModelError::Heads);
+    }
+    if let Some(tensor) = loader.written.iter().take(tensor_count).position(|&written| !written) {
+        return Err(ModelError::Tensor { tensor: tensor as u32 });
+    }
+    Ok(Graph { tensors: loader.tensors, layers: graph_layers, logits })
+}
+
+fn read_name(bytes: &[u8]) -> Result<Name, ModelError> {
+    let name = Name(*bytes.first_chunk().ok_or(ModelError::Text)?);
+    let used = name.as_str().len();
+    let (text, rest) = name.0.split_at(used);
+    if used > 0 && text.iter().all(u8::is_ascii_graphic) && rest.iter().all(|&b| b == 0) {
+        Ok(name)
+    } else {
+        Err(ModelError::Text)
+    }
+}
+
+fn read_tensor(record: &[u8], tensor: u32) -> Result<Tensor, ModelError> {
+    let wrong = ModelError::Tensor { tensor };
+    let (numbers, name) = record.split_at_checked(32).ok_or(wrong)?;
+    let (numbers, _) = numbers.as_chunks::<4>();
+    let &[channels, divisor, scale, zero_point, ref reserved @ ..] = numbers else { return Err(wrong) };
+    if reserved.iter().any(|&r| r != [0; 4]) {
+        return Err(ModelError::Reserved);
+    }
+    let (channels, divisor) = (u32::from_le_bytes(channels) as usize, u32::from_le_bytes(divisor) as usize);
+    let scale = f32::from_le_bytes(scale);
+    let zero_point = i8::try_from(i32::from_le_bytes(zero_point)).map_err(|_| wrong)?;
+    let image = divisor.is_power_of_two() && divisor <= MAX_DIVISOR;
+    let vector = divisor == 0 && scale == 1.0 && zero_point == 0;
+    if (1..=MAX_CHANNELS).contains(&channels) && (image || vector) && (1e-12..=1e12).contains(&scale) {
+        Ok(Tensor { name: read_name(name)?, channels, divisor, scale, zero_point })
+    } else {
+        Err(wrong)
+    }
+}
+
+struct Loader<'s, 'm> {
+    sections: &'s Sections<'m>,
+    tensors: heapless::Vec<Tensor, MAX_TENSORS>,
+    written: [bool; MAX_TENSORS],
+    layer: u32,
+}
+
+/// A layer's fields, all of them checked to be zero unless a reader took them.
+struct Fields {
+    values: [u32; FIELDS],
+    taken: u32,
+}
+
+impl Fields {
+    fn take(&mut self, at: usize) -> u32 {
+        self.taken |= 1 << at;
+        self.values.get(at).copied().unwrap_or(0)
+    }
+
+    fn rest_is_zero(&self) -> bool {
+        self.values.iter().enumerate().all(|(at, &value)| value == 0 || self.taken >> at & 1 == 1)
+    }
+}
+
+impl<'m> Loader<'_, 'm> {
+    fn check_input(&mut self, input: u32) -> Result<(), ModelError> {
+        match self.tensors.first() {
+            Some(t)
+                if input as usize == INPUT
+                    && (t.channels, t.divisor) == (INPUT_CHANNELS, 1)
+                    && t.scale == INPUT_SCALE
+                    && t.zero_point == INPUT_ZERO_POINT =>
+            {
+                self.written[INPUT] = true;
+                Ok(())
+            }
+            _ => Err(ModelError::Input),
+        }
+    }
+
+    fn check_logits(&self, logits: u32) -> Result<usize, ModelError> {
+        let at = logits as usize;
+        match self.tensors.get(at) {
+            Some(tensor) if !tensor.is_image() && tensor.channels == CLASSES => Ok(at),
+            _ => Err(ModelError::Logits),
+        }
+    }
+
+    fn source_error(&self) -> ModelError {
+        ModelError::LayerSource { layer: self.layer }
+    }
+
+    fn shape_error(&self) -> ModelError {
+        ModelError::LayerShape { layer: self.layer }
+    }
+
+    fn bounds_error(&self) -> ModelError {
+        ModelError::LayerBounds { layer: self.layer }
+    }
+
+    /// A tensor that has been written, image or vector.
+    fn read(&self, id: u32, image: bool) -> Result<(usize, Tensor), ModelError> {
+        let at = id as usize;
+        match (self.tensors.get(at), self.written.get(at)) {
+            (Some(tensor), Some(true)) if tensor.is_image() == image => Ok((at, *tensor)),
+            _ => Err(self.source_error()),
+        }
+    }
+
+    /// Marks the tensor as written; it must be new and of this shape.
+    fn write(&mut self, id: u32, channels: usize, divisor: usize) -> Result<usize, ModelError> {
+        let at = id as usize;
+        match (self.tensors.get(at), self.written.get_mut(at)) {
+            (Some(tensor), Some(written))
+                if !*written && tensor.channels == channels && tensor.divisor == divisor =>
+            {
+                *written = true;
+                Ok(at)
+            }
+            _ => Err(ModelError::LayerOutput { layer: self.layer }),
+        }
+    }
+
+    fn flag(&self, value: u32) -> Result<bool, ModelError> {
+        match value {
+            0 => Ok(false),
+            1 => Ok(true),
+            _ => Err(self.shape_error()),
+        }
+    }
+
+    /// The sources, their channels in all, and the divisor at which they are read.
+    fn sources(&self, fields: &mut Fields) -> Result<(Sources, usize, usize), ModelError> {
+        let one = |fields: &mut Fields, at: usize| {
+            let (id, upsample) = (fields.take(at), fields.take(at + 1));
+            let (tensor, shape) = self.read(id, true)?;
+            let upsample = self.flag(upsample)?;
+            let divisor = if upsample { shape.divisor / 2 } else { shape.divisor };
+            if divisor == 0 {
+                return Err(self.shape_error());
+            }
+            Ok((Source { tensor, upsample }, shape.channels, divisor))
+        };
+        let (first, cin, divisor) = one(fields, field::SOURCE0)?;
+        if fields.values[field::SOURCE1] == NONE {
+            let _ = fields.take(field::SOURCE1);
+            return Ok((Sources { first, second: None }, cin, divisor));
+        }
+        let (second, more, same) = one(fields, field::SOURCE1)?;
+        if same != divisor {
+            return Err(self.shape_error());
+        }
+        Ok((Sources { first, second: Some(second) }, cin + more, divisor))
+    }
+
+    /// Kernel, stride and padding such that output side = input side / stride for every input.
+    fn window(&self, fields: &mut Fields, cin: usize) -> Result<Window, ModelError> {
+        let height = fields.take(field::KERNEL_HEIGHT) as usize;
+        let width = fields.take(field::KERNEL_WIDTH) as usize;
+        let stride = fields.take(field::STRIDE) as usize;
+        let pad = core::array::from_fn(|i| fields.take(field::PAD + i) as usize);
+        let [top, left, bottom, right] = pad;
+        let fits = |kernel: usize, before: usize, after: usize| {
+            let pad = before.saturating_add(after);
+            (1..=MAX_KERNEL).contains(&kernel) && pad < kernel && pad + stride >= kernel
+        };
+        if !(1..=2).contains(&stride) || !fits(height, top, bottom) || !fits(width, left, right) {
+            return Err(self.shape_error());
+        }
+        if height * width * cin > MAX_PRODUCTS {
+            return Err(self.shape_error());
+        }
+        Ok(Window { height, width, stride, pad })
+    }
+
+    fn floats(&self, offset: u32, count: usize) -> Result<F32s<'m>, ModelError> {
+        let values = F32s::new(self.sections.params, offset, count).ok_or(self.bounds_error())?;
+        self.finite(values)
+    }
+
+    fn finite(&self, values: F32s<'m>) -> Result<F32s<'m>, ModelError> {
+        if values.iter().all(f32::is_finite) {
+            Ok(values)
+        } else {
+            Err(ModelError::LayerValue { layer: self.layer })
+        }
+    }
+
+    fn read_layer(&mut self, record: &[u8], logits: usize) -> Result<Layer<'m>, ModelError> {
+        let (numbers, name) = record.split_at_checked(FIELDS * 4).ok_or(self.shape_error())?;
+        let mut fields = Fields { values: [0; FIELDS], taken: 0 };
+        for (value, &bytes) in fields.values.iter_mut().zip(numbers.as_chunks::<4>().0) {
+            *value = u32::from_le_bytes(bytes);
+        }
+        let name = read_name(name)?;
+        let op = match fields.take(field::OP) {
+            1 => Op::Conv(self.read_conv(&mut fields)?),
+            2 => Op::MeanPool(self.read_pool(&mut fields)?),
+            3 => Op::Dense(self.read_dense(&mut fields)?),
+            4 => Op::MixHead(self.read_head(&mut fields, logits)?),
+            _ => return Err(ModelError::LayerKind { layer: self.layer }),
+        };
+        if op.output() == Some(logits) && !matches!(op, Op::Dense(_)) {
+            return Err(ModelError::Logits);
+        }
+        if fields.rest_is_zero() { Ok(Layer { name, op }) } else { Err(ModelError::Reserved) }
+    }
+
+    fn read_conv(&mut self, fields: &mut Fields) -> Result<Conv<'m>, ModelError> {
+        let (sources, cin, divisor) = self.sources(fields)?;
+        let window = self.window(fields, cin)?;
+        let relu = self.flag(fields.take(field::RELU))?;
+        let cout = fields.take(field::COUT) as usize;
+        let output = self.write(fields.take(field::OUTPUT), cout, divisor * window.stride)?;
+        let wrong = ModelError::LayerValue { layer: self.layer };
+
+        let shape = pack::Shape::new(cout, window.height, window.width, cin);
+        let start = fields.take(field::WEIGHTS) as usize;
+        let weights = start
+            .checked_add(shape.packed_len())
+            .and_then(|end| self.sections.weights.get(start..end))
+            .ok_or(self.bounds_error())?;
+        let weights: &[i8] = bytemuck::cast_slice(weights);
+        let params = self.sections.params;
+        let bias = I32s::new(params, fields.take(field::BIAS), cout).ok_or(self.bounds_error())?;
+        if bias.iter().any(|b| b.unsigned_abs() > MAX_BIAS.unsigned_abs()) {
+            return Err(wrong);
+        }
+        let weight_scale = self.floats(fields.take(field::WEIGHT_SCALE), cout)?;
+        if weight_scale.iter().any(|s| s <= 0.0) {
+            return Err(wrong);
+        }
+        let second = sources.second.and_then(|s| self.tensors.get(s.tensor)).map_or(0, |t| t.channels);
+        let count = if second > 0 { 2 * cout } else { cout };
+        let sums = I32s::new(params, fields.take(field::SUMS), count).ok_or(self.bounds_error())?;
+        if !pack::sums_match(weights, &shape, cin - second, sums) {
+            return Err(ModelError::LayerSums { layer: self.layer });
+        }
+        let (at, bias_at) = (fields.take(field::FLOAT_WEIGHTS), fields.take(field::FLOAT_BIAS));
+        let float = match (at, bias_at, self.sections.floats) {
+            (NONE, NONE, _) => None,
+            (_, _, Some(section)) => {
+                let count = cout * window.height * window.width * cin;
+                let weights = F32s::new(section, at, count).ok_or(self.bounds_error())?;
+                let bias = F32s::new(section, bias_at, cout).ok_or(self.bounds_error())?;
+                Some((self.finite(weights)?, self.finite(bias)?))
+            }
+            _ => return Err(self.bounds_error()),
+        };
+        Ok(Conv { sources, output, window, cin, cout, relu, weights, bias, weight_scale, sums, float })
+    }
+
+    fn read_pool(&mut self, fields: &mut Fields) -> Result<MeanPool, ModelError> {
+        self.no_second_source(fields)?;
+        let (source, shape) = self.read(fields.take(field::SOURCE0), true)?;
+        let channels = fields.take(field::COUT) as usize;
+        if channels != shape.channels {
+            return Err(self.shape_error());
+        }
+        let output = self.write(fields.take(field::OUTPUT), channels, 0)?;
+        Ok(MeanPool { source, output })
+    }
+
+    fn read_dense(&mut self, fields: &mut Fields) -> Result<Dense<'m>, ModelError> {
+        self.no_second_source(fields)?;
+        let (source, shape) = self.read(fields.take(field::SOURCE0), false)?;
+        let relu = self.flag(fields.take(field::RELU))?;
+        let cout = fields.take(field::COUT) as usize;
+        let output = self.write(fields.take(field::OUTPUT), cout, 0)?;
+        let weights = self.floats(fields.take(field::WEIGHTS), cout * shape.channels)?;
+        let bias = self.floats(fields.take(field::BIAS), cout)?;
+        Ok(Dense { source, output, relu, weights, bias })
+    }
+
+    fn read_head(&mut self, fields: &mut Fields, logits: usize) -> Result<MixHead<'m>, ModelError> {
+        let (sources, cin, divisor) = self.sources(fields)?;
+        let window = self.window(fields, cin)?;
+        let shuffle = fields.take(field::SHUFFLE);
+        let classes = fields.take(field::CLASSES) as usize;
+        let map = match fields.take(field::MAP) {
+            1 => Map::Albedo,
+            2 => Map::Normal,
+            3 => Map::Roughness,
+            _ => return Err(self.shape_error()),
+        };
+        let cout = fields.take(field::COUT) as usize;
+        let output = fields.take(field::OUTPUT);
+        let shape_holds = window.stride == 1
+            && (1..=MAX_SHUFFLE).contains(&shuffle)
+            && shuffle as usize == divisor
+            && (classes == 1 || classes == CLASSES)
+            && cout == map.channels() * divisor * divisor
+            && output == NONE;
+        if !shape_holds {
+            return Err(self.shape_error());
+        }
+        if self.written.get(logits) != Some(&true) {
+            return Err(self.source_error());
+        }
+        let each = cout * window.height * window.width * cin;
+        let weights = self.floats(fields.take(field::WEIGHTS), classes * each)?;
+        let bias = self.floats(fields.take(field::BIAS), classes * cout)?;
+        Ok(MixHead { sources, map, window, cin, cout, shuffle: divisor, classes, weights, bias })
+    }
+
+    fn no_second_source(&self, fields: &mut Fields) -> Result<(), ModelError> {
+        if fields.take(field::SOURCE1) == NONE { Ok(()) } else { Err(self.source_error()) }
+    }
+}

@@ -1,0 +1,120 @@
+//! The network's input: a linear photo to int8 pixels of sRGB-encoded R, G, B and the two coordinates.
+//!
+//! A colour's code is the number of 8-bit steps (sRGB-encoded, rounded) at or below it, found by comparison with
+//! the 255 linear values that lie half-way between codes: no power function per pixel. A photo that was 8-bit sRGB
+//! comes back to its own codes. Coordinates are (px + 1) / 2 and (py + 1) / 2 in steps of 1/255.
+use super::graph::{INPUT_CHANNELS, INPUT_ZERO_POINT};
+use super::quant::round_half_even;
+use crate::exec::{Executor, Plane, ROWS_PER_BLOCK, for_each_row_block};
+use crate::frame::LinearImage;
+use crate::frame::transfer::srgb_to_linear;
+
+const BINS: usize = 4096;
+
+/// Linear values at which the code steps up, and for each of [`BINS`] equal intervals the code at its start.
+struct Encoder {
+    steps: [f32; 256],
+    start: [u8; BINS],
+}
+
+impl Encoder {
+    fn new() -> Self {
+        // Nothing is at or above NaN: the search for a code ends there.
+        let mut steps = [f32::NAN; 256];
+        for (code, step) in steps.iter_mut().take(255).enumerate() {
+            *step = srgb_to_linear((code as f32 + 0.5) / 255.0);
+        }
+        let mut start = [0; BINS];
+        let mut code = 0_u8;
+        for (bin, slot) in start.iter_mut().enumerate() {
+            while bin as f32 / BINS as f32 >= steps[usize::from(code)] {
+                code += 1;
+            }
+            *slot = code;
+        }
+        Self { steps, start }
+    }
+
+    /// The 8-bit code of a linear value; below 0 and NaN: 0, above 1: 255.
+    fn code(&self, linear: f32) -> u8 {
+        // `as` saturates and turns NaN into 0.
+        let bin = ((linear * BINS as f32) as usize).min(BINS - 1);
+        let mut code = self.start[bin];
+        while linear >= self.steps[usize::from(code)] {
+            code += 1;
+        }
+        code
+    }
+}
+
+fn to_i8(code: u8) -> i8 {
+    code.wrapping_sub(INPUT_ZERO_POINT.unsigned_abs()).cast_signed()
+}
+
+/// Code of the coordinate of pixel `index` of `size`: pixel centres, 0 to 1.
+fn coordinate(index: usize, size: usize) -> i8 {
+    let centre = (2 * index + 1) as f32 / (2 * size) as f32;
+    to_i8(round_half_even(centre * 255.0) as u8)
+}
+
+/// Fills the input tensor `[size][size][5]`.
+pub(super) fn run(photo: &LinearImage<'_>, exec: &dyn Executor, out: &mut [i8]) {
+    let size = photo.size;
+    let encoder = Encoder::new();
+    let row_len = size * INPUT_CHANNELS;
+    for_each_row_block(exec, size, ROWS_PER_BLOCK, Plane::new(out, row_len), &|rows, mut out| {
+        for (y, out) in rows.zip(out.rows()) {
+            let up = coordinate(size - 1 - y, size);
+            for (channel, plane) in photo.rgb.chunks_exact(size * size).enumerate() {
+                let line = plane.chunks_exact(size).nth(y).unwrap_or(&[]);
+                for (slot, &linear) in out.iter_mut().skip(channel).step_by(INPUT_CHANNELS).zip(line) {
+                    *slot = to_i8(encoder.code(linear));
+                }
+            }
+            for (x, pixel) in out.as_chunks_mut::<INPUT_CHANNELS>().0.iter_mut().enumerate() {
+                [pixel[3], pixel[4]] = [coordinate(x, size), up];
+            }
+        }
+    });
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::exec::Inline;
+    use crate::frame::transfer::linear_to_srgb;
+    use std::vec;
+
+    #[test]
+    fn codes_are_the_rounded_srgb_encoding() {
+        let encoder = Encoder::new();
+        for code in 0..=255_u8 {
+            assert_eq!(encoder.code(srgb_to_linear(f32::from(code) / 255.0)), code);
+        }
+        for i in 0..=100_000 {
+            let linear = i as f32 / 100_000.0;
+            let exact = linear_to_srgb(linear) * 255.0;
+            let code = f32::from(encoder.code(linear));
+            assert!((code - exact).abs() <= 0.5 + 1e-4, "{linear}: {code} for {exact}");
+        }
+        for (linear, code) in
+            [(-1.0, 0), (f32::NAN, 0), (7.0, 255), (f32::INFINITY, 255), (f32::NEG_INFINITY, 0)]
+        {
+            assert_eq!(encoder.code(linear), code);
+        }
+    }
+
+    #[test]
+    fn corners_have_their_coordinates() {
+        let size = 128;
+        let rgb = vec![1.0; 3 * size * size];
+        let clipped = vec![0; size * size];
+        let photo = LinearImage { size, rgb: &rgb, clipped: &clipped, fov_deg: 43.35 };
+        let mut out = vec![0; size * size * 5];
+        run(&photo, &Inline, &mut out);
+        // Top left: px = -1 + 1/n, py = 1 - 1/n.
+        assert_eq!(out[..5], [127, 127, 127, -127, 126]);
+        let last = out.len() - 5;
+        assert_eq!(out[last..], [127, 127, 127, 126, -127]);
+    }
+}
