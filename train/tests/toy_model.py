@@ -53,9 +53,7 @@ class ToyBuilder:
         weight = self.rng.normal(0, 1.6 / np.sqrt(cin * kernel[0] * kernel[1]), (channels, *kernel, cin))
         bias = self.rng.normal(0, 0.3, channels)
         self.layers.append(
-            conv_from_float(
-                self.tensors, name, sources, name, weight, bias, stride=stride, pad=pad, relu=relu
-            )
+            conv_from_float(self.tensors, name, sources, name, weight, bias, stride=stride, pad=pad, relu=relu)
         )
         return name
 
@@ -85,9 +83,7 @@ class ToyBuilder:
         """The finished model."""
         crf = self.rng.uniform(0, 1, (8, 12)).astype(np.float32)
         graph = Graph(list(self.tensors.values()), self.layers, "input", "logits")
-        return Model(
-            {"name": name}, graph, crf, Defaults(), f"# {name}\n\nRandom weights; of no use but in tests.\n"
-        )
+        return Model({"name": name}, graph, crf, Defaults(), f"# {name}\n\nRandom weights; of no use but in tests.\n")
 
 
 def _build(seed: int, ranges: dict[str, tuple[float, float]]) -> Model:
@@ -97,7 +93,7 @@ def _build(seed: int, ranges: dict[str, tuple[float, float]]) -> Model:
     deep = toy.conv("enc3", (Source(mid),), 34, (3, 3), 2, (0, 0, 1, 1), relu=False)
     deep = toy.conv("enc4", (Source(deep),), 18, (1, 1), 1, (0, 0, 0, 0))
     toy.classifier(deep, 24)
-    for kind, width in (("albedo", 9), ("normal", 8), ("roughness", 5)):
+    for kind, width in (("albedo", 7), ("normal", 6), ("roughness", 5)):
         up = toy.conv(f"{kind}1", (Source(deep, True), Source(mid)), width + 7)
         up = toy.conv(f"{kind}2", (Source(up, True), Source(low)), width)
         toy.head(kind, (Source(up),), 2)
