@@ -175,8 +175,8 @@ def vinyl(d: Draw, n: int) -> Surface:
 def foam(d: Draw, n: int) -> Surface:
     """Cellular foam and sponge; packing foam of fused beads."""
     u, v = d.grid(n)
-    k = int(min(d.log_uniform(12, 60), n / 6))
-    w = (0.2 / k) * spectral(d, n, 2.6, low=k / 2, high=3 * k, batch=2)
+    k = int(min(d.log_uniform(8, 40), n / 8))
+    w = (0.12 / k) * spectral(d, n, 2.6, low=k / 2, high=3 * k, batch=2)
     c = worley(d, u + w[0], v + w[1], k, k)
     fine = spectral(d, n, 0.8, low=n / 10)
     if d.chance(0.5):  # beads
@@ -238,11 +238,10 @@ def film(d: Draw, n: int) -> Surface:
     """Tarpaulin and crumpled film: facets and creases, whitened where they were folded."""
     u, v = d.grid(n)
     folds = torch.zeros(n, n, device=d.device)
-    for k, share in ((d.integer(3, 5), 1.0), (d.integer(6, 11), 0.5), (d.integer(12, 20), 0.25)):
-        w = (0.3 / k) * spectral(d, n, 3.0, low=max(2, k / 2), high=2 * k, batch=2)
+    for k, share in ((d.integer(3, 4), 1.0), (d.integer(5, 8), 0.7), (d.integer(9, 16), 0.4), (22, 0.15)):
+        w = (0.2 / k) * spectral(d, n, 3.2, low=max(2, k / 2), high=1.5 * k, batch=2)
         c = worley(d, u + w[0], v + w[1], k, k)
-        tilt = c.per_cell(d.randn(c.count)) * c.dx + c.per_cell(d.randn(c.count)) * c.dy
-        folds = folds + to_slope(blur(tilt + c.f1, 0.004), share)
+        folds = folds + to_slope(blur(c.f2 - c.f1, 0.002), share * d.choice((-1.0, 1.0)))
     crease = unit_range(cavity(folds, 0.01))
     albedo, rough = _handled(d, n, _plastic_colour(d), d.uniform(0.15, 0.5))
     threads = int(min(d.log_uniform(30, 80), n / 5))

@@ -23,11 +23,13 @@ def _mineral(d: Draw) -> Tensor:
     return hsv(d, (0.04, 0.12), (0.15, 0.45), (0.35, 0.75))
 
 
-def _weather(d: Draw, n: int, albedo: Tensor, rough: Tensor, height: Tensor) -> tuple[Tensor, Tensor]:
+def _weather(
+    d: Draw, n: int, albedo: Tensor, rough: Tensor, height: Tensor, upright: bool = False
+) -> tuple[Tensor, Tensor]:
     """Stains, rain runs, soot or moss in the recesses."""
     albedo = albedo * (1 + d.uniform(0.03, 0.22) * (clouds(d, n, d.uniform(1.8, 2.6)) - 0.5))
-    if d.chance(0.3):
-        run = streaks(d, n, 0.5) * d.uniform(0.1, 0.5)
+    if upright and d.chance(0.4):
+        run = streaks(d, n, 0.5) * d.uniform(0.1, 0.45)
         albedo = albedo * (1 - run)
         rough = rough - 0.1 * run
     if d.chance(0.45):
@@ -74,7 +76,7 @@ def plaster(d: Draw, n: int) -> Surface:
         albedo = mix(albedo, under, m)
         rough = rough + 0.08 * m
         height = height - 0.0035 * blur(m, 1.0 / n) + m * to_slope(spectral(d, n, 1.2, low=10), 0.5)
-    albedo, rough = _weather(d, n, albedo, rough, height)
+    albedo, rough = _weather(d, n, albedo, rough, height, upright=True)
     return Surface(albedo, height, rough, d.log_uniform(0.02, 0.22), limit=1.6)
 
 
@@ -102,7 +104,7 @@ def stucco(d: Draw, n: int) -> Surface:
     cav = cavity(height, 0.015)
     albedo = base * (1 + d.uniform(0.03, 0.14) * cav + 0.03 * grain)
     rough = d.uniform(0.6, 0.9) - 0.05 * cav + 0.02 * grain
-    albedo, rough = _weather(d, n, albedo, rough, height)
+    albedo, rough = _weather(d, n, albedo, rough, height, upright=True)
     return Surface(albedo, height, rough, d.log_uniform(0.15, 0.6), limit=1.6)
 
 
@@ -158,7 +160,7 @@ def concrete(d: Draw, n: int) -> Surface:
         line = cracks(d, u, v, d.integer(2, 4), 0.012, 0.35) * blotches(d, n, 0.45, low=1.5, soft=0.5)
         albedo = albedo * (1 - 0.5 * line)
         height = height - 0.006 * line
-    albedo, rough = _weather(d, n, albedo, rough, height)
+    albedo, rough = _weather(d, n, albedo, rough, height, upright=True)
     return Surface(albedo, height, rough, slope, limit=1.6)
 
 
@@ -265,7 +267,7 @@ def cobbles(d: Draw, n: int) -> Surface:
     """Setts and rounded cobbles, in rows, fans or at random; polished crowns."""
     u, v = d.grid(n)
     k = d.integer(5, 16)
-    w = (0.12 / k) * spectral(d, n, 2.8, low=k / 2, high=4 * k, batch=2)
+    w = (0.06 / k) * spectral(d, n, 2.8, low=k / 2, high=2.5 * k, batch=2)
     fan = d.uniform(0.0, 0.12) * torch.sin(2 * math.pi * d.integer(1, 2) * u) if d.chance(0.4) else 0.0
     jitter_by = d.uniform(0.3, 0.95)
     ky = max(3, round(k * d.uniform(0.8, 1.4)))
@@ -300,7 +302,7 @@ def flagstones(d: Draw, n: int) -> Surface:
     """Crazy paving: big irregular slabs, riven faces, pointed joints."""
     u, v = d.grid(n)
     k = d.integer(3, 6)
-    w = (0.05 / k) * spectral(d, n, 2.6, low=k, high=8 * k, batch=2)
+    w = (0.03 / k) * spectral(d, n, 3.0, low=k, high=5 * k, batch=2)
     c = worley(d, u + w[0], v + w[1], k, k, 0.9)
     side = 1 / k
     t = Tiles(c.id, c.dx * side, c.dy * side, c.edge * side, c.count, (0.5 * side, 0.5 * side))

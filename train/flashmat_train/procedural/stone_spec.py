@@ -7,9 +7,9 @@ import math
 import torch
 from torch import Tensor
 
-from .noise import Draw, blur, smoothstep, spectral, unit, warp, worley
+from .noise import Draw, blur, sample, smoothstep, spectral, unit, warp, worley
 from .scatter import scatter, sizes
-from .structure import Surface, any_colour, colour, hsv, jitter, mix, ramp, to_slope, unit_range
+from .structure import Surface, any_colour, colour, gradient, hsv, jitter, mix, ramp, to_slope, unit_range
 from .tiles import Tiles, brick_tiles, herringbone_tiles, hexagon_tiles
 from .wear import blotches, clouds, cracks, scratches, smudges, specks
 
@@ -30,13 +30,15 @@ def _polished(d: Draw, n: int, level: float, structure: Tensor) -> Tensor:
 
 
 def _veins(d: Draw, n: int, low: float, thin: float, swirl: float) -> Tensor:
-    """Branching veins in [0, 1]: zero crossings of warped fields, their strength varying along."""
-    f = spectral(d, n, d.uniform(2.6, 3.4), low=low, batch=3)
+    """Branching veins in [0, 1]: zero crossings of smooth warped fields, sharp, their strength varying along."""
+    f = spectral(d, n, 2.8, low=low, high=16 * low, batch=3)
     lean = d.uniform(0, math.pi)
-    g = spectral(d, n, d.uniform(2.4, 3.0), low=low, stretch=(d.uniform(1, 2.5), 1), angle=lean)
-    g = unit(warp(g, swirl * f[0], swirl * f[1]))
-    width = thin * torch.exp(0.8 * f[2])
-    return torch.exp(-(g / width).abs())
+    g = spectral(d, n, d.uniform(3.2, 4.2), low=low, high=12 * low, stretch=(d.uniform(1, 3), 1), angle=lean)
+    kink = (0.004 / low) * spectral(d, n, 2.0, low=8 * low, batch=2)
+    g = unit(warp(g, swirl * f[0] / low + kink[0], swirl * f[1] / low + kink[1]))
+    slope = torch.hypot(*gradient(g)).clamp_min(1.0)
+    width = thin / low * torch.exp(0.9 * f[2])  # in tile units
+    return torch.exp(-((g.abs() / slope) / width.clamp_min(0.35 / n)))
 
 
 def _marble(d: Draw, n: int) -> tuple[Tensor, Tensor]:
@@ -54,10 +56,10 @@ def _marble(d: Draw, n: int) -> tuple[Tensor, Tensor]:
     else:  # green, red, blue
         base = hsv(d, (0, 1), (0.2, 0.55), (0.2, 0.5))
         vein = hsv(d, (0.05, 0.6), (0, 0.25), (0.5, 0.9))
-    low = d.uniform(1, 4)
-    swirl = d.uniform(0.01, 0.07)
-    big = _veins(d, n, low, d.uniform(0.02, 0.12), swirl)
-    fine = _veins(d, n, 3 * low, d.uniform(0.015, 0.06), swirl) * blotches(d, n, 0.4, low=2, soft=0.8)
+    low = d.uniform(1, 3)
+    swirl = d.uniform(0.02, 0.14)
+    big = _veins(d, n, low, d.log_uniform(0.004, 0.02), swirl)
+    fine = _veins(d, n, 2.5 * low, d.uniform(0.003, 0.012), swirl) * blotches(d, n, 0.4, low=2, soft=0.8)
     body = clouds(d, n, 2.6, low=low, swirl=0.08)
     grain = spectral(d, n, 0.8, low=n / 14)
     c = mix(base, jitter(d, base, 0.07), body)
@@ -84,10 +86,10 @@ def marble(d: Draw, n: int) -> Surface:
 def _onyx(d: Draw, n: int) -> tuple[Tensor, Tensor]:
     """Flowing bands."""
     _, v = d.grid(n)
-    f = spectral(d, n, 3.2, low=1, batch=2)
-    detail = spectral(d, n, 2.2, low=4)
-    phase = v * d.integer(1, 3) + d.uniform(0.15, 0.5) * f[0] + 0.02 * detail
-    table = spectral(d, n, d.uniform(1.2, 1.8), low=2, stretch=(1e3, 1))  # varies down only: a bar code
+    f = spectral(d, n, 3.4, low=1, high=14)
+    detail = spectral(d, n, 2.4, low=5)
+    phase = v * d.integer(1, 2) + d.uniform(0.08, 0.3) * f + 0.003 * detail
+    table = spectral(d, n, d.uniform(0.9, 1.5), low=2, high=d.uniform(25, 60), stretch=(1e3, 1))  # a bar code
     t = unit_range(warp(table, torch.zeros_like(phase), phase - v))
     first = (
         hsv(d, (0.04, 0.12), (0.05, 0.6), (0.3, 0.8)) if d.chance(0.7) else any_colour(d, 0.5, (0.15, 0.8))
@@ -153,7 +155,7 @@ def _terrazzo(d: Draw, n: int) -> tuple[Tensor, Tensor]:
     """Chips of marble in cement or resin; the second value is 1 on a chip."""
     high = d.log_uniform(0.008, 0.06)
     low = max(high * d.uniform(0.1, 0.35), 1.2 / n)
-    count = int(min(d.uniform(0.25, 1.1) / (low + 0.25 * (high - low)) ** 2, 7000))
+    count = int(min(d.uniform(0.12, 0.8) / (low + 0.25 * (high - low)) ** 2, 7000))
     p = torch.stack(
         (
             2 * math.pi * d.rand(count),
@@ -175,8 +177,11 @@ def _terrazzo(d: Draw, n: int) -> tuple[Tensor, Tensor]:
     s, p = scatter(d, n, sizes(d, count, low, high, 3.0), p, chip)
     m = s.hit.float()
     tones = d.randn(3, count)
-    first = any_colour(d, 0.45, (0.25, 0.9))
-    palette = [jitter(d, first, 0.25) for _ in range(3)] + [hsv(d, (0.05, 0.1), (0, 0.2), (0.7, 0.95))]
+    first = (
+        hsv(d, (0.03, 0.13), (0.0, 0.4), (0.2, 0.9)) if d.chance(0.75) else any_colour(d, 0.4, (0.25, 0.9))
+    )
+    palette = [jitter(d, first, 0.2), jitter(d, first, 0.12), hsv(d, (0, 1), (0, 0.15), (0.1, 0.9))]
+    palette.append(hsv(d, (0.05, 0.1), (0, 0.2), (0.7, 0.95)))
     inner = clouds(d, n, 1.6, low=20)
     chips = (
         ramp(0.5 + 0.3 * s.per_splat(tones[0]), palette)
@@ -272,7 +277,7 @@ def mosaic(d: Draw, n: int) -> Surface:
     u, v = d.grid(n)
     k = d.integer(8, 24)
     if d.chance(0.7):
-        w = (0.1 / k) * spectral(d, n, 2.4, low=k / 2, high=2 * k, batch=2)
+        w = (0.035 / k) * spectral(d, n, 2.4, low=k / 2, high=1.5 * k, batch=2)
         t = brick_tiles(u + w[0], v + w[1], k, k, 0.0 if d.chance(0.6) else 0.5)
     else:
         c = worley(d, u, v, k, k, 0.8)
@@ -296,20 +301,19 @@ def mosaic(d: Draw, n: int) -> Surface:
 def floor(d: Draw, n: int) -> Surface:
     """Slabs of polished stone: each cut from another place, laid chequered or in bond, thin joints."""
     u, v = d.grid(n)
-    t = _layout(d, n)
+    k = 2 * d.integer(1, 4)
+    chequered = d.chance(0.3)
+    t = brick_tiles(u, v, k, k, 0.0) if chequered else _layout(d, n)
     makers = (_marble, _granite, _terrazzo, _onyx)
     first, structure = d.choice(makers)(d, n)
     shift = d.rand(2, t.count)
     su, sv = t.per_tile(shift[0]) + u, t.per_tile(shift[1]) + v
     flip = t.per_tile((d.rand(t.count) < 0.5).float())
     su = torch.where(flip > 0, -su, su)
-    from .noise import sample
-
     c, g = sample(first, su, sv), sample(structure, su, sv)
-    if d.chance(0.4):
+    if chequered:
         other, _ = d.choice(makers)(d, n)
-        k = (t.per_tile(torch.arange(t.count, device=d.device)) // 1).float()
-        parity = torch.remainder(torch.round(u * n * 0 + k) + torch.floor(v / (2 * t.half[1])), 2)
+        parity = (torch.floor(u * k) + torch.floor(v * k)) % 2
         c = mix(c, sample(other, sv, su), parity)
     width = d.uniform(0.001, 0.004)
     gap, profile, rim = _grout(d, n, t, width, d.uniform(0.002, 0.02))
@@ -324,12 +328,14 @@ def floor(d: Draw, n: int) -> Surface:
 def ice(d: Draw, n: int) -> Surface:
     """Ice and glassy stone: inner fractures, haze, a frosted skin here and there."""
     u, v = d.grid(n)
-    k = d.integer(3, 8)
-    w = (0.15 / k) * spectral(d, n, 3.0, low=k / 2, high=4 * k, batch=2)
+    k = d.integer(3, 7)
+    w = (0.1 / k) * spectral(d, n, 3.2, low=k / 2, high=2 * k, batch=2)
     c = worley(d, u + w[0], v + w[1], k, k)
-    run = torch.exp(-c.edge / d.uniform(0.01, 0.04))
+    where = clouds(d, n, 2.4, low=2)
+    run = torch.exp(-c.edge / (d.uniform(0.004, 0.012) * (0.3 + 2 * where))) * where
     haze = torch.exp(-c.edge / d.uniform(0.1, 0.3)) * clouds(d, n, 2.0, low=2)
-    fine = _veins(d, n, 4, 0.04, 0.03) * blotches(d, n, 0.4, soft=0.8)
+    haze = haze * (0.4 + 0.6 * c.per_cell(d.rand(c.count)))
+    fine = _veins(d, n, 3, 0.006, 0.05) * blotches(d, n, 0.4, soft=0.8)
     base = hsv(d, (0.38, 0.6), (0.1, 0.5), (0.15, 0.6))
     pale = hsv(d, (0.45, 0.6), (0.0, 0.12), (0.75, 0.98))
     light = (d.uniform(0.3, 0.9) * haze + 0.5 * run + 0.25 * fine).clamp(0, 1)

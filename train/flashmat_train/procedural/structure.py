@@ -118,9 +118,9 @@ def any_colour(d: Draw, saturation: float = 0.8, value: tuple[float, float] = (0
 
 
 def jitter(d: Draw, c: Tensor, amount: float) -> Tensor:
-    """A colour near ``c``: brightness more than hue."""
-    shift = amount * d.normal() + 0.35 * amount * d.randn(3, 1, 1)
-    return (c + shift).clamp(0.0, 1.0)
+    """A colour near ``c``: brightness more than hue; dark colours move less."""
+    shift = amount * d.normal() + 0.3 * amount * d.randn(3, 1, 1)
+    return (c + shift * (0.25 + c.mean())).clamp(0.0, 1.0)
 
 
 def ramp(t: Tensor, colours: Sequence[Tensor]) -> Tensor:
