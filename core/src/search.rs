@@ -25,6 +25,24 @@ pub const MIN_ROUGHNESS: f32 = 1.0 / 32.0;
 /// Mean of the photo's unclipped pixels, linear, under which it is black: code 2 of 255 is brighter.
 const BLACK: f64 = 5e-4;
 
+/// Whether a photo shows anything to compare a render with.
+///
+/// # Errors
+/// [`Error::NoUsablePixels`] when every pixel is clipped, [`Error::PhotoBlack`] when the others are black,
+/// [`Error::PlaneLength`], [`Error::Size`].
+pub fn check_exposure(photo: &LinearImage<'_>) -> Result<(), Error> {
+    photo.check()?;
+    let (mut sum, mut count) = (0.0_f64, 0_u32);
+    for (p, _) in usable(photo, photo.rgb) {
+        sum += f64::from(p);
+        count += 1;
+    }
+    if count == 0 {
+        return Err(Error::NoUsablePixels);
+    }
+    if sum / f64::from(count) < BLACK { Err(Error::PhotoBlack) } else { Ok(()) }
+}
+
 /// The scale s for which s times `render` (3 planes, made with light strength 1) is nearest to the photo.
 ///
 /// Weighted least squares in closed form over all channels of pixels that are not clipped:
@@ -37,19 +55,8 @@ const BLACK: f64 = 5e-4;
 /// [`Error::NoUsablePixels`] when every pixel is clipped or `render` is black, [`Error::PhotoBlack`],
 /// [`Error::PlaneLength`], [`Error::Size`].
 pub fn light_scale(photo: &LinearImage<'_>, render: &[f32]) -> Result<f32, Error> {
-    photo.check()?;
     check_planes(photo.size, 3, render.len())?;
-    let (mut sum, mut count) = (0.0_f64, 0_u32);
-    for (p, _) in usable(photo, render) {
-        sum += f64::from(p);
-        count += 1;
-    }
-    if count == 0 {
-        return Err(Error::NoUsablePixels);
-    }
-    if sum / f64::from(count) < BLACK {
-        return Err(Error::PhotoBlack);
-    }
+    check_exposure(photo)?;
     let mut scale = None;
     for _ in 0..3 {
         let (mut rp, mut rr) = (0.0_f64, 0.0_f64);

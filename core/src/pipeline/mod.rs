@@ -1,0 +1,244 @@
+//! The chain of calls: frame, net, crf/albedo, crf/normal, search, crf/roughness, maps.
+//!
+//! Each stage takes what the stage before gave (`stages`), so none can be called out of order. Everything lies in the
+//! caller's workspace, whose size [`Pipeline::workspace_bytes`] tells before the run; a run allocates nothing and does
+//! not panic, and its bits depend on neither level nor threads.
+mod stages;
+
+use crate::arena::{Arena, bytes_for};
+use crate::brdf::{self, Light, Scene};
+use crate::crf;
+use crate::exec::Executor;
+use crate::frame::{self, FieldOfView, Frame, LinearImage};
+use crate::kernels::Kernels;
+use crate::maps::{Maps, MapsMut};
+use crate::net::{Class, ClassProbabilities, Classification, Model, Network};
+use crate::search;
+use crate::{Error, Observer, Stage};
+use stages::First;
+
+/// What a caller may choose for one capture.
+#[derive(Clone, Copy, Debug)]
+pub struct CaptureOptions {
+    /// The photo's field of view, if known, and the one to crop to.
+    pub fov: FieldOfView,
+    /// The class the caller insists on; the classifier decides otherwise.
+    pub class: Option<Class>,
+    /// Whether the CRFs refine the network's maps.
+    pub refine: bool,
+    /// When the CRFs' solver stops.
+    pub solver: crf::Options,
+}
+
+impl Default for CaptureOptions {
+    fn default() -> Self {
+        Self { fov: FieldOfView::default(), class: None, refine: true, solver: crf::Options::default() }
+    }
+}
+
+/// What the CRFs did, in order albedo, normal, roughness; zeros where nothing was refined.
+pub type SolverReports = [crf::Report; 3];
+
+/// A capture: all slices lie in the workspace.
+#[derive(Clone, Copy, Debug)]
+pub struct Capture<'a> {
+    /// The material.
+    pub maps: Maps<'a>,
+    /// The photo as the pipeline saw it: square, upright, linear.
+    pub photo: LinearImage<'a>,
+    /// The maps re-rendered under the estimated flash: 3 planes, linear, as bright as the photo.
+    pub render: &'a [f32],
+    /// How much the photo says about the roughness at each pixel, one plane in [0,1]; zeros without refinement.
+    pub observability: &'a [f32],
+    /// The class: the caller's, or the most probable one.
+    pub class: Class,
+    /// What the classifier believes (also when the caller insisted on a class).
+    pub probabilities: ClassProbabilities,
+    /// Specular reflectance at normal incidence that the re-render used (paper: 0.05, metal 0.5).
+    pub f0: f32,
+    /// The photo's exposure times the flash's strength: the re-render with light strength 1 is multiplied by it.
+    pub light_scale: f32,
+    /// RMSE of re-render against the photo, gamma 2.2, clipped pixels left out.
+    pub residual: f32,
+    /// What the CRFs' solvers did.
+    pub solver: SolverReports,
+}
+
+/// Gives the first maps: the int8 [`Network`], or another engine that runs the same model.
+pub trait Engine {
+    /// The model: its CRF coefficients refine the maps.
+    fn model(&self) -> &Model<'_>;
+    /// Pixels per side.
+    fn size(&self) -> usize;
+    /// Bytes of workspace for one run.
+    fn workspace_bytes(&self) -> usize;
+    /// Photo to first maps.
+    ///
+    /// # Errors
+    /// As the engine's own.
+    fn infer(
+        &self,
+        photo: &LinearImage<'_>,
+        class: Option<Class>,
+        exec: &dyn Executor,
+        arena: &mut Arena<'_>,
+        maps: &mut MapsMut<'_>,
+        observer: &mut dyn Observer,
+    ) -> Result<Classification, Error>;
+}
+
+/// The int8 network at one size, with the stages around it.
+#[derive(Clone, Debug)]
+pub struct Pipeline<'m> {
+    network: Network<'m>,
+    size: usize,
+}
+
+impl Engine for Pipeline<'_> {
+    fn model(&self) -> &Model<'_> {
+        self.network.model()
+    }
+
+    fn size(&self) -> usize {
+        self.size
+    }
+
+    fn workspace_bytes(&self) -> usize {
+        self.network.workspace_bytes()
+    }
+
+    fn infer(
+        &self,
+        photo: &LinearImage<'_>,
+        class: Option<Class>,
+        exec: &dyn Executor,
+        arena: &mut Arena<'_>,
+        maps: &mut MapsMut<'_>,
+        observer: &mut dyn Observer,
+    ) -> Result<Classification, Error> {
+        self.network.run(photo, class, exec, arena, maps, observer)
+    }
+}
+
+impl<'m> Pipeline<'m> {
+    /// Plans `model` for maps of `size` x `size` on `kernels`.
+    ///
+    /// # Errors
+    /// As [`Network::new`].
+    pub fn new(model: Model<'m>, size: usize, kernels: &'static Kernels) -> Result<Self, Error> {
+        Ok(Self { network: Network::new(model, size, kernels)?, size })
+    }
+
+    /// Bytes of workspace that [`Pipeline::run`] needs.
+    #[must_use]
+    pub fn workspace_bytes(&self) -> usize {
+        workspace_bytes(self)
+    }
+
+    /// One photo through all stages.
+    ///
+    /// # Errors
+    /// As [`run`].
+    pub fn run<'a>(
+        &self,
+        frame: &Frame<'_>,
+        options: &CaptureOptions,
+        exec: &dyn Executor,
+        workspace: &'a mut [u8],
+        observer: &mut dyn Observer,
+    ) -> Result<Capture<'a>, Error> {
+        run(self, frame, options, exec, workspace, observer)
+    }
+}
+
+/// Planes of f32 that live through a whole run, beside the photo's: two sets of maps, the re-render, the search's
+/// roughness and observability.
+const PLANES: usize = 7 + 7 + 3 + 1 + 1;
+
+/// Bytes of workspace that [`run`] needs with `engine`.
+#[must_use]
+pub fn workspace_bytes(engine: &dyn Engine) -> usize {
+    let size = engine.size();
+    let plane = size.saturating_mul(size);
+    let kept = frame::prepare_bytes(size)
+        .saturating_add(bytes_for::<f32>(plane).saturating_mul(PLANES))
+        .saturating_add(crate::arena::ALIGN);
+    kept.saturating_add(engine.workspace_bytes().max(crf::max_workspace_bytes(size)))
+}
+
+/// One photo through all stages with any engine; the capture lies in `workspace`.
+///
+/// # Errors
+/// [`Error::Cancelled`] when the observer says so, [`Error::WorkspaceTooSmall`], [`Error::NoUsablePixels`] when the
+/// photo is clipped all over, [`Error::PhotoBlack`], and what the stages say of wrong sizes.
+pub fn run<'a>(
+    engine: &dyn Engine,
+    frame: &Frame<'_>,
+    options: &CaptureOptions,
+    exec: &dyn Executor,
+    workspace: &'a mut [u8],
+    observer: &mut dyn Observer,
+) -> Result<Capture<'a>, Error> {
+    let size = engine.size();
+    let mut arena = Arena::new(workspace);
+    let photo = staged(observer, Stage::Frame, |_| {
+        let photo = frame::prepare(frame, size, &options.fov, exec, &mut arena)?;
+        search::check_exposure(&photo)?;
+        Ok(photo)
+    })?;
+    let run = stages::Run { photo, options, exec };
+    let first = staged(observer, Stage::Net, |observer| First::infer(&run, engine, &mut arena, observer))?;
+    let albedo = staged(observer, Stage::CrfAlbedo, |_| first.albedo(&run, engine.model(), &mut arena))?;
+    let normal = staged(observer, Stage::CrfNormal, |_| albedo.normal(&run, &mut arena))?;
+    let searched = staged(observer, Stage::Search, |_| normal.search(&run, &mut arena))?;
+    let refined = staged(observer, Stage::CrfRoughness, |_| searched.roughness(&run, &mut arena))?;
+    let (classification, f0) = (refined.classification, refined.f0);
+    let observability = refined.observability;
+    let render = arena.take::<f32>(3 * size * size)?;
+    let maps = refined.maps;
+    let maps = Maps { size, albedo: maps.albedo, normal: maps.normal, roughness: maps.roughness };
+    let light_scale = relight(&maps, f0, &photo, exec, render)?;
+    Ok(Capture {
+        maps,
+        photo,
+        residual: search::residual(&photo, render)?,
+        render,
+        observability,
+        class: options.class.unwrap_or_else(|| classification.predicted.best()),
+        probabilities: classification.predicted,
+        f0,
+        light_scale,
+        solver: refined.solver,
+    })
+}
+
+/// Runs one stage between its two progress calls.
+fn staged<T>(
+    observer: &mut dyn Observer,
+    stage: Stage,
+    work: impl FnOnce(&mut dyn Observer) -> Result<T, Error>,
+) -> Result<T, Error> {
+    if observer.progress(stage, 0.0).is_break() {
+        return Err(Error::Cancelled);
+    }
+    let result = work(observer)?;
+    if observer.progress(stage, 1.0).is_break() {
+        return Err(Error::Cancelled);
+    }
+    Ok(result)
+}
+
+/// Renders the maps as the photo saw them and scales the render to the photo; returns the scale.
+fn relight(
+    maps: &Maps<'_>,
+    f0: f32,
+    photo: &LinearImage<'_>,
+    exec: &dyn Executor,
+    render: &mut [f32],
+) -> Result<f32, Error> {
+    let scene = Scene { fov_deg: photo.fov_deg, light: Light::default() };
+    brdf::render(maps, f0, &scene, exec, render)?;
+    let scale = search::light_scale(photo, render)?;
+    render.iter_mut().for_each(|value| *value *= scale);
+    Ok(scale)
+}

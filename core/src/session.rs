@@ -1,0 +1,126 @@
+//! A session owns what a run needs: the façade that the command line, the C library and the Android library share.
+use crate::exec::{Executor, Inline};
+use crate::frame::Frame;
+use crate::kernels::{Kernels, Level};
+use crate::net::Model;
+use crate::pipeline::{self, Capture, CaptureOptions, Engine, Pipeline};
+use crate::{Error, Observer};
+use alloc::boxed::Box;
+use alloc::vec::Vec;
+
+/// What a session is made for.
+#[derive(Clone, Copy, Debug)]
+pub struct SessionOptions {
+    /// Pixels per side of the maps: a multiple of the network's (128).
+    pub size: usize,
+    /// CPU level; none: the fastest one that this CPU has.
+    pub level: Option<Level>,
+    /// Threads; more than 1 needs feature `parallel`. 0: one per CPU. Results do not depend on it.
+    pub threads: usize,
+}
+
+impl Default for SessionOptions {
+    fn default() -> Self {
+        Self { size: 256, level: None, threads: 1 }
+    }
+}
+
+/// Owns workspace, kernels and threads; captures one photo at a time.
+pub struct Session<'m> {
+    engine: Box<dyn Engine + Send + 'm>,
+    exec: Box<dyn Executor + Send>,
+    workspace: Vec<u8>,
+    level: Level,
+}
+
+impl<'m> Session<'m> {
+    /// A session over the int8 engine; all memory is taken here.
+    ///
+    /// # Errors
+    /// [`Error::LevelUnsupported`], [`Error::NetworkSize`], [`Error::Threads`], [`Error::WorkspaceTooSmall`] when the
+    /// memory cannot be had.
+    pub fn new(model: Model<'m>, options: &SessionOptions) -> Result<Self, Error> {
+        let level = level(options.level)?;
+        let pipeline = Pipeline::new(model, options.size, Kernels::for_level(level)?)?;
+        Self::with_engine(Box::new(pipeline), level, options.threads)
+    }
+
+    /// A session over the float engine (tract) of the same model.
+    ///
+    /// # Errors
+    /// As [`Session::new`], and [`Error::Float`] when the model has no float weights or tract refuses them.
+    #[cfg(feature = "tract")]
+    pub fn float(model: Model<'m>, options: &SessionOptions) -> Result<Self, Error> {
+        let engine = crate::net::tract::FloatNetwork::new(model, options.size)?;
+        Self::with_engine(Box::new(engine), level(options.level)?, options.threads)
+    }
+
+    fn with_engine(engine: Box<dyn Engine + Send + 'm>, level: Level, threads: usize) -> Result<Self, Error> {
+        let needed = pipeline::workspace_bytes(&*engine);
+        let mut workspace = Vec::new();
+        workspace
+            .try_reserve_exact(needed)
+            .map_err(|_| Error::WorkspaceTooSmall { needed, available: 0 })?;
+        workspace.resize(needed, 0);
+        Ok(Self { engine, exec: executor(threads)?, workspace, level })
+    }
+
+    /// One photo through the pipeline; the result lies in the session until the next call.
+    ///
+    /// # Errors
+    /// As [`pipeline::run`].
+    pub fn capture(
+        &mut self,
+        frame: &Frame<'_>,
+        options: &CaptureOptions,
+        observer: &mut dyn Observer,
+    ) -> Result<Capture<'_>, Error> {
+        pipeline::run(&*self.engine, frame, options, &*self.exec, &mut self.workspace, observer)
+    }
+
+    /// The model.
+    #[must_use]
+    pub fn model(&self) -> &Model<'_> {
+        self.engine.model()
+    }
+
+    /// Pixels per side of the maps.
+    #[must_use]
+    pub fn size(&self) -> usize {
+        self.engine.size()
+    }
+
+    /// The CPU level in use.
+    #[must_use]
+    pub fn level(&self) -> Level {
+        self.level
+    }
+
+    /// Bytes of the workspace.
+    #[must_use]
+    pub fn workspace_bytes(&self) -> usize {
+        self.workspace.len()
+    }
+}
+
+/// The level asked for, if this CPU has it; the fastest one otherwise.
+fn level(wanted: Option<Level>) -> Result<Level, Error> {
+    #[cfg(feature = "std")]
+    let fastest = Level::detect();
+    #[cfg(not(feature = "std"))]
+    let fastest = Level::baseline();
+    wanted.map_or(Ok(fastest), |wanted| fastest.lowered_to(wanted))
+}
+
+#[cfg(feature = "parallel")]
+fn executor(threads: usize) -> Result<Box<dyn Executor + Send>, Error> {
+    if threads == 1 {
+        return Ok(Box::new(Inline));
+    }
+    Ok(Box::new(crate::exec::Pool::new(threads)?))
+}
+
+#[cfg(not(feature = "parallel"))]
+fn executor(threads: usize) -> Result<Box<dyn Executor + Send>, Error> {
+    if threads <= 1 { Ok(Box::new(Inline)) } else { Err(Error::Threads) }
+}

@@ -1,0 +1,181 @@
+"""Checkpoint to model file: batch norm folded, activation ranges calibrated, int8 weights, float weights beside.
+
+`python -m flashmat_train export --checkpoint RUN/last.pt --out models/phone.fmat --data DIR`
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from . import CLASSES, checkpoint, modelfile
+from .data.batches import Crops, SceneOptions, render_batch
+from .data.materials import data_root, load, scan
+from .data.pool import Pool
+from .model import HEADS, INPUT_CHANNELS, ConvBlock, Network, NetworkConfig
+from .modelfile import Source
+from .render.envmap import Environments
+
+
+def add_arguments(p: argparse.ArgumentParser) -> None:
+    p.add_argument("--checkpoint", type=Path, required=True)
+    p.add_argument("--out", type=Path, required=True)
+    p.add_argument("--data", help="data folder for calibration (default: FLASHMAT_DATA)")
+    p.add_argument("--name", default="phone")
+    p.add_argument("--card", type=Path, help="model card to carry in the file")
+    p.add_argument("--crf", type=Path, help="learned CRF coefficients, JSON (8 x 12)")
+    p.add_argument("--float", action="store_true", help="float weights too (four times the size)")
+    p.add_argument("--photos", type=int, default=96, help="photos to calibrate with")
+    p.add_argument("--size", type=int, default=256)
+
+
+@torch.no_grad()
+def fold(block: ConvBlock) -> tuple[Tensor, Tensor]:
+    """Weight and bias of a convolution with its batch norm folded in, f32."""
+    norm = block.norm
+    scale = norm.weight.double() / (norm.running_var.double() + norm.eps).sqrt()
+    weight = block.conv.weight.double() * scale[:, None, None, None]
+    return weight.float(), (norm.bias.double() - norm.running_mean.double() * scale).float()
+
+
+def blocks(network: Network) -> dict[str, ConvBlock]:
+    """All convolution blocks by the name of the tensor they write."""
+    out = {f"enc{i}": b for i, b in enumerate(network.encoder)}
+    for name, decoder in network.decoders.items():
+        out |= {f"{name}.dec{i}": b for i, b in enumerate(decoder.blocks)}
+    return out
+
+
+@torch.no_grad()
+def calibrate(network: Network, photos: list[Tensor], share: float = 0.99995) -> dict[str, float]:
+    """Upper end of each block's range: the `share` quantile of its values above zero, the mean over photos' maxima
+    if that is less."""
+    tops: dict[str, list[float]] = {}
+    hooks = []
+
+    def watch(name: str, block: nn.Module) -> None:
+        def hook(_m: nn.Module, _i: object, y: Tensor) -> None:
+            v = y.float().flatten()
+            k = max(1, int(v.numel() * (1 - share)))
+            tops.setdefault(name, []).append(float(v.topk(k).values[-1]))
+
+        hooks.append(block.register_forward_hook(hook))
+
+    for name, block in blocks(network).items():
+        watch(name, block)
+    network.eval()
+    for photo in photos:
+        network(photo)
+    for h in hooks:
+        h.remove()
+    return {name: max(float(np.quantile(v, 0.98)), 1e-4) for name, v in tops.items()}
+
+
+@torch.no_grad()
+def build(network: Network, ranges: dict[str, float], meta: dict, card: str, crf: np.ndarray) -> modelfile.Model:
+    """The model file's contents from a trained network and its activation ranges."""
+    config = network.config
+    depth = len(config.encoder)
+    tensors = [modelfile.Tensor("input", INPUT_CHANNELS, 1, modelfile.INPUT_SCALE, modelfile.INPUT_ZERO_POINT)]
+    table = {"input": tensors[0]}
+    layers: list[modelfile.Layer] = []
+
+    def tensor(name: str, channels: int, divisor: int, scale: float = 1.0, zero: int = 0) -> None:
+        table[name] = modelfile.Tensor(name, channels, divisor, float(np.float32(scale)), zero)
+        tensors.append(table[name])
+
+    def conv(name: str, sources: tuple[Source, ...], divisor: int, block: ConvBlock) -> None:
+        weight, bias = fold(block)
+        tensor(name, weight.shape[0], divisor, ranges[name] / 255.0, -128)
+        p, stride = block.conv.padding[0], block.conv.stride[0]
+        layers.append(
+            modelfile.conv_from_float(
+                table,
+                name,
+                sources,
+                name,
+                weight.permute(0, 2, 3, 1).numpy(),
+                bias.numpy(),
+                stride=stride,
+                pad=(p, p, p, p),
+            )
+        )
+
+    def dense(name: str, source: str, layer: nn.Linear, relu: bool) -> None:
+        tensor(name, layer.out_features, 0)
+        w, b = layer.weight.detach().float().numpy(), layer.bias.detach().float().numpy()
+        layers.append(modelfile.Dense(name, source, name, w, b, relu))
+
+    previous = "input"
+    for i, block in enumerate(network.encoder):
+        conv(f"enc{i}", (Source(previous),), 2 ** (i + 1), block)
+        previous = f"enc{i}"
+    tensor("pooled", config.encoder[-1], 0)
+    layers.append(modelfile.MeanPool("pooled", previous, "pooled"))
+    dense("hidden", "pooled", network.classifier[0], True)
+    dense("logits", "hidden", network.classifier[2], False)
+    for name, maps in HEADS.items():
+        decoder, previous = network.decoders[name], f"enc{depth - 1}"
+        for i, block in enumerate(decoder.blocks):
+            skip = depth - 2 - i
+            conv(f"{name}.dec{i}", (Source(previous, True), Source(f"enc{skip}")), 2 ** (skip + 1), block)
+            previous = f"{name}.dec{i}"
+        k = decoder.head.classes
+        w = decoder.head.conv.weight.detach().float()
+        w = w.view(k, maps * 4, *w.shape[1:]).permute(0, 1, 3, 4, 2)
+        b = decoder.head.conv.bias.detach().float().view(k, maps * 4)
+        layers.append(modelfile.MixHead(f"{name}.head", (Source(previous),), name, 2, w.numpy(), b.numpy()))
+    graph = modelfile.Graph(tensors, layers, "input", "logits")
+    return modelfile.Model(meta, graph, crf.astype(np.float32), card=card)
+
+
+def calibration_photos(data: str | None, count: int, size: int) -> list[Tensor]:
+    """Network inputs of rendered training crops, fixed by seed."""
+    root = data_root(data)
+    entries, _ = scan(root)
+    train = [e for e in entries if e.split == "train"]
+    pool = Pool([load(e) for e in train[:: max(1, len(train) // 96)]])
+    env = Environments.from_folder(root / "envmaps", rotations=1)
+    options = SceneOptions()
+    crops = Crops([(pool, 1.0)], size, 1234, True, count)
+    out = []
+    for i in range(count):
+        maps, cls = crops[i]
+        rng = np.random.default_rng((1234, 7, i))
+        out.append(render_batch(maps[None], torch.tensor([cls]), env, options, rng).input)
+    return out
+
+
+#: Mild refinement until coefficients are learned: (a0, a1, b1, b2, b3), (a, b1, b2), (a0, a1, b1, b2).
+CRF_DEFAULT = (0.6, 0.3, 0.02, 0.04, 0.04, 0.95, 0.02, 0.03, 0.8, 0.1, 0.02, 0.08)
+
+
+def run(args: argparse.Namespace) -> None:
+    state = checkpoint.load(args.checkpoint)
+    network = Network(NetworkConfig.fromdict(state["config"]))
+    network.load_state_dict(state["ema"])
+    ranges = calibrate(network.eval(), calibration_photos(args.data, args.photos, args.size))
+    crf = np.tile(np.array(CRF_DEFAULT, np.float32), (len(CLASSES), 1))
+    if args.crf:
+        crf = np.array(json.loads(args.crf.read_text()), np.float32)
+    meta = {
+        "name": args.name,
+        "classes": list(CLASSES),
+        "preset": state["config"]["name"],
+        "samples": state.get("samples", 0),
+        "steps": state["step"],
+    }
+    card = args.card.read_text() if args.card else ""
+    args.out.parent.mkdir(parents=True, exist_ok=True)
+    model = build(network, ranges, meta, card, crf)
+    if not args.float:
+        for layer in model.graph.layers:
+            if isinstance(layer, modelfile.Conv):
+                layer.weight = layer.bias = None
+    modelfile.write_model(args.out, model)
+    print(f"{args.out}: {args.out.stat().st_size / 1e6:.2f} MB, {state.get('samples', 0)} samples")
