@@ -1,1 +1,4 @@
 //! Host harness of Flashmat: what several test programs share.
+pub mod golden;
+pub mod models;
+pub mod runs;

@@ -8,6 +8,7 @@ import importlib
 STAGES = {
     "procedural": ("data.procedural_pool", "make procedural materials"),
     "train": ("train", "train a network"),
+    "sample-photo": ("sample", "render the sample photo of the quick start"),
     "export": ("export", "make the model file for the Rust engine"),
 }
 
