@@ -27,12 +27,13 @@ def normalise(v: Tensor) -> Tensor:
     return v / v.square().sum(dim=1, keepdim=True).clamp_min(1e-12).sqrt()
 
 
-def distribution(n_dot_h: Tensor, roughness: Tensor) -> Tensor:
-    """D: GGX with alpha = r²."""
+def distribution(cos2: Tensor, sin2: Tensor, roughness: Tensor) -> Tensor:
+    """D: GGX with alpha = r², from cos² and sin² of the angle between n and h.
+
+    sin² + cos² alpha² equals the paper's (n.h)² (alpha² - 1) + 1; next to the peak, 1 - cos² has no digits left.
+    """
     a2 = (roughness * roughness).clamp_min(ALPHA_MIN).square()
-    t = n_dot_h * n_dot_h * (a2 - 1.0) + 1.0
-    # 1 - NdotH² cancels in f32 for small alpha; the sum form keeps t >= a2 > 0
-    return a2 / (math.pi * t.clamp_min(1e-9).square())
+    return a2 / (math.pi * (sin2 + cos2 * a2).square())
 
 
 def fresnel(v_dot_h: Tensor, f0: Tensor | float) -> Tensor:
@@ -47,16 +48,20 @@ def geometry_over_cosines(n_dot_l: Tensor, n_dot_v: Tensor, roughness: Tensor) -
 
 
 def shade(albedo: Tensor, normal: Tensor, roughness: Tensor, light: Tensor, view: Tensor, f0: Tensor | float) -> Tensor:
-    """Reflected radiance for a light of unit irradiance at normal incidence: (d/pi + D F G/(4 nl nv)) nl."""
-    n_dot_l = dot(normal, light).clamp_min(0.0)
-    n_dot_v = dot(normal, view).clamp_min(1e-4)
+    """Reflected radiance for a light of unit irradiance at normal incidence: (d/pi + D F G/(4 nl nv)) nl.
+
+    Black where the light or the viewer is below the surface.
+    """
+    n_dot_v = dot(normal, view)
+    n_dot_l = torch.where(n_dot_v > 0, dot(normal, light).clamp_min(0.0), torch.zeros_like(n_dot_v))
     half = normalise(light + view)
-    n_dot_h = dot(normal, half).clamp(0.0, 1.0)
-    v_dot_h = dot(view, half).clamp(0.0, 1.0)
+    # |n - h|² = 2 - 2 n.h without its cancellation, so sin² = |n - h|² (1 - |n - h|²/4) has all its digits
+    gap = (normal - half).square().sum(dim=1, keepdim=True).clamp_max(4.0)
+    sin2 = gap * (1.0 - 0.25 * gap)
     specular = (
-        distribution(n_dot_h, roughness)
-        * fresnel(v_dot_h, f0)
-        * geometry_over_cosines(n_dot_l, n_dot_v, roughness)
+        distribution(1.0 - sin2, sin2, roughness)
+        * fresnel(dot(view, half).clamp(0.0, 1.0), f0)
+        * geometry_over_cosines(n_dot_l, n_dot_v.clamp_min(1e-4), roughness)
         / 4.0
     )
     return (albedo / math.pi + specular) * n_dot_l
