@@ -9,6 +9,8 @@ STAGES = {
     "procedural": ("data.procedural_pool", "make procedural materials"),
     "train": ("train", "train a network"),
     "sample-photo": ("sample", "render the sample photo of the quick start"),
+    "mitsuba-check": ("render.mitsuba_check", "compare the renderer with Mitsuba 3"),
+    "golden": ("golden", "write small renders for the Rust renderer's tests"),
     "export": ("export", "make the model file for the Rust engine"),
 }
 
