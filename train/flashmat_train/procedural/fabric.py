@@ -119,17 +119,17 @@ def _weave(
     cb = _stripes(d, ky, wefts)[:, jj] * (1 + tone_b * d.randn(ky)[jj])
     base = torch.where(top, ca, cb)
     depth = unit_range(z)
-    shade = d.uniform(0.15, 0.65)
+    shade = d.uniform(0.1, 0.5)
     dark = (1 - shade) + shade * depth**0.7
     albedo = (
         base * dark * (1 + d.uniform(0.01, 0.06) * fibre + d.uniform(0.01, 0.05) * fuzz + 0.04 * ply * depth)
     )
     albedo = torch.where(ground, albedo * 0.6, albedo) * (1 + d.uniform(0, 0.05) * (clouds(d, n) - 0.5))
-    spread = d.uniform(0.02, 0.28)
-    rough = d.uniform(0.56, 0.88) - spread * (depth - 0.6) + 0.025 * fuzz + 0.02 * fibre
+    spread = d.log_uniform(0.03, 0.5)
+    rough = d.uniform(0.56, 0.88) - spread * (depth - 0.6) + 0.018 * fuzz + 0.018 * fibre
     folds = spectral(d, n, 3.6, low=d.uniform(1, 3), high=12)
     total = d.log_uniform(0.1, 0.75)
-    height = to_slope(z + detail, total) + to_slope(folds, total * d.uniform(0.02, 0.4))
+    height = to_slope(z + detail, total) + to_slope(folds, total * d.uniform(0.02, 0.28))
     return Surface(albedo, height, rough, total, limit=2.0)
 
 
@@ -233,7 +233,7 @@ def knit(d: Draw, n: int) -> Surface:
     depth = unit_range(z)
     shade = d.uniform(0.35, 0.75)
     albedo = base * ((1 - shade) + shade * depth) * (1 + 0.05 * ply + 0.05 * fuzz + 0.04 * hairs)
-    rough = d.uniform(0.62, 0.9) - d.uniform(0.02, 0.15) * (depth - 0.6) + 0.02 * fuzz
+    rough = d.uniform(0.62, 0.88) - d.log_uniform(0.03, 0.35) * (depth - 0.6) + 0.02 * fuzz
     z = (
         z
         + 0.5 * blur(rib[ii], 0.25 / kx, 0.01 / kx)
@@ -293,7 +293,7 @@ def carpet(d: Draw, n: int) -> Surface:
     shade = d.uniform(0.4, 0.8)
     albedo = base * ((1 - shade) + shade * depth) * tone
     z = t.top + 0.06 * ply * (1 - cut) + (0.05 + 0.15 * cut) * fuzz
-    rough = d.uniform(0.7, 0.95) - 0.08 * (depth - 0.5) + 0.02 * fuzz
+    rough = d.uniform(0.65, 0.92) - d.log_uniform(0.04, 0.3) * (depth - 0.5) + 0.02 * fuzz
     return Surface(albedo, z, rough, d.log_uniform(0.4, 1.1), limit=1.8)
 
 
@@ -333,7 +333,7 @@ def corduroy(d: Draw, n: int) -> Surface:
     base = _cloth_colour(d)
     shade = d.uniform(0.3, 0.75)
     albedo = base * (1 - shade + shade * rib.clamp(0, 1)) * (1 + 0.07 * pile + 0.05 * w[1])
-    rough = d.uniform(0.6, 0.88) - d.uniform(0, 0.2) * (rib - 0.6) + 0.03 * pile
+    rough = d.uniform(0.6, 0.88) - d.log_uniform(0.04, 0.35) * (rib - 0.6) + 0.03 * pile
     s = Surface(albedo, rib + 0.03 * pile, rough, d.log_uniform(0.2, 0.7), limit=2.0)
     return _turned(s) if d.chance(0.5) else s
 
@@ -405,7 +405,7 @@ def rope(d: Draw, n: int) -> Surface:
     tone = 1 + 0.08 * d.randn(k * rows)[ident] + 0.08 * hair
     shade = unit_range(z)
     albedo = mix(base, other, pick) * tone * (0.3 + 0.7 * shade)
-    rough = d.uniform(0.55, 0.85) - d.uniform(0.05, 0.25) * (shade - 0.5) + 0.03 * hair
+    rough = d.uniform(0.55, 0.85) - d.log_uniform(0.08, 0.45) * (shade - 0.5) + 0.03 * hair
     s = Surface(albedo, z, rough, d.log_uniform(0.4, 0.9), limit=2.0)
     return _turned(s) if d.chance(0.5) else s
 

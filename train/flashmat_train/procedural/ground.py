@@ -71,7 +71,7 @@ def soil(d: Draw, n: int) -> Surface:
     wet = d.uniform(0.0, 0.5)
     albedo = albedo * (1 - 0.6 * wet * damp)
     rough = d.uniform(0.52, 0.85) - 0.05 * cav + 0.03 * grit - 0.35 * wet * damp
-    s = Surface(albedo, height, rough, d.log_uniform(0.18, 0.6), limit=1.8)
+    s = Surface(albedo, height, rough, d.log_uniform(0.2, 0.75), limit=1.9)
     if d.chance(0.6):
         _add_stones(d, n, s, d.integer(40, 500), 0.004, d.log_uniform(0.01, 0.04))
     if d.chance(0.4):
@@ -130,7 +130,7 @@ def gravel(d: Draw, n: int) -> Surface:
         + 0.03 * rock
         + 0.04 * s.per_splat(tones[2]) * m
     )
-    return Surface(albedo, height, rough, d.log_uniform(0.4, 1.0), limit=1.6)
+    return Surface(albedo, height, rough, d.log_uniform(0.5, 1.3), limit=1.8)
 
 
 def pebbles(d: Draw, n: int) -> Surface:
@@ -161,7 +161,7 @@ def pebbles(d: Draw, n: int) -> Surface:
     bed = ground_colour * (1 + 0.07 * grit) * (0.75 + 0.25 * contact)
     albedo = mix(bed, top, m)
     rough = torch.lerp(d.uniform(0.6, 0.85) + 0.03 * grit, d.uniform(0.35, 0.65) + 0.04 * rock, m)
-    return Surface(albedo, height, rough, d.log_uniform(0.25, 0.7), limit=1.8)
+    return Surface(albedo, height, rough, d.log_uniform(0.35, 1.0), limit=2.0)
 
 
 def sand(d: Draw, n: int) -> Surface:
@@ -197,7 +197,7 @@ def sand(d: Draw, n: int) -> Surface:
     albedo = base * (1 + d.uniform(0.02, 0.07) * grain + d.uniform(0.02, 0.1) * cavity(forms, 0.03))
     albedo = albedo * (1 - d.uniform(0.2, 0.5) * dark + 0.15 * light) * (1 - d.uniform(0, 0.2) * damp)
     rough = d.uniform(0.5, 0.85) + 0.03 * grain - d.uniform(0, 0.15) * damp - 0.05 * cavity(forms, 0.05)
-    s = Surface(albedo, height, rough, d.log_uniform(0.12, 0.45), limit=1.8)
+    s = Surface(albedo, height, rough, d.log_uniform(0.15, 0.6), limit=1.8)
     if d.chance(0.3):
         _add_stones(d, n, s, d.integer(10, 120), 0.003, d.log_uniform(0.008, 0.03))
     return s
@@ -207,7 +207,7 @@ def cracked_mud(d: Draw, n: int) -> Surface:
     """Dried mud: curled plates, cracks at two scales, dust."""
     u, v = d.grid(n)
     k = d.integer(4, 14)
-    w = (d.uniform(0.06, 0.2) / k) * spectral(d, n, 3.2, low=k / 2, high=6 * k, batch=2)
+    w = (d.uniform(0.04, 0.12) / k) * spectral(d, n, 3.2, low=k / 2, high=6 * k, batch=2)
     c = worley(d, u + w[0], v + w[1], k, k, 0.95)
     width = d.uniform(0.025, 0.09) * torch.exp(0.5 * spectral(d, n, 2.2, low=2))
     gap = smoothstep(1.0, 0.35, c.edge / width)
@@ -224,7 +224,7 @@ def cracked_mud(d: Draw, n: int) -> Surface:
     tone = 1 + 0.07 * (plate - 0.5) + 0.06 * rough_top + 0.05 * grit + 0.1 * (clouds(d, n) - 0.5)
     albedo = base * tone * (1 - d.uniform(0.45, 0.75) * gap) * (1 - 0.3 * fine) * (1 + 0.1 * curl)
     rough = d.uniform(0.45, 0.75) + d.uniform(0.05, 0.3) * gap + 0.1 * fine + 0.03 * grit
-    s = Surface(albedo, height, rough, d.log_uniform(0.25, 0.65), limit=2.0)
+    s = Surface(albedo, height, rough, d.log_uniform(0.3, 0.8), limit=2.0)
     if d.chance(0.4):
         _add_stones(d, n, s, d.integer(20, 200), 0.003, d.log_uniform(0.008, 0.03))
     return s
@@ -266,7 +266,7 @@ def grass(d: Draw, n: int) -> Surface:
     height = (
         to_slope(blur(top, 0.0018), 1.0) + to_slope(fuzz, 0.2) + to_slope(spectral(d, n, 2.5, low=3), 0.3)
     )
-    return Surface(albedo, height, rough, d.log_uniform(0.35, 0.9), limit=1.5)
+    return Surface(albedo, height, rough, d.log_uniform(0.45, 1.2), limit=1.7)
 
 
 def litter(d: Draw, n: int) -> Surface:
@@ -337,7 +337,7 @@ def litter(d: Draw, n: int) -> Surface:
     rough = (
         d.uniform(0.48, 0.75) - d.uniform(0, 0.2) * (depth - 0.5) + 0.04 * s.per_splat(tones[2]) + 0.08 * rot
     )
-    return Surface(albedo, height, rough, d.log_uniform(0.35, 0.85), limit=1.6)
+    return Surface(albedo, height, rough, d.log_uniform(0.45, 1.2), limit=1.8)
 
 
 def asphalt(d: Draw, n: int) -> Surface:
@@ -362,7 +362,7 @@ def asphalt(d: Draw, n: int) -> Surface:
     rough = (
         d.uniform(0.48, 0.82) - d.uniform(-0.05, 0.2) * m + 0.035 * grit - d.uniform(0, 0.12) * (wear - 0.5)
     )
-    total = d.log_uniform(0.12, 0.5)
+    total = d.log_uniform(0.12, 0.6)
     if d.chance(0.35):
         run = cracks(d, u, v, d.integer(2, 4), d.uniform(0.012, 0.03), 0.3) * blotches(
             d, n, 0.5, low=1.5, soft=0.5
@@ -428,7 +428,7 @@ def mossy(d: Draw, n: int) -> Surface:
         needles = lines(n, x, y, 0.4 + 0.6 * d.rand(count, 1))
         s.albedo = mix(s.albedo, hsv(d, (0.06, 0.12), (0.3, 0.6), (0.3, 0.65)), needles * 0.9)
         s.height = s.height + 0.003 * needles
-    s.slope = d.log_uniform(0.25, 0.7)
+    s.slope = d.log_uniform(0.3, 0.9)
     return s
 
 

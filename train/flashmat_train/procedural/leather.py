@@ -32,7 +32,7 @@ def _grain(d: Draw, n: int, k: int, warp: float = 0.35, aspect: float = 1.0) -> 
     u, v = d.grid(n)
     ky = max(3, round(k * aspect))
     w = (warp / k) * spectral(d, n, 3.0, low=k / 3, high=3 * k, batch=2)
-    drift = (0.5 / k) * spectral(d, n, 3.0, low=1.5, high=10, batch=2)
+    drift = (0.3 / k) * spectral(d, n, 3.0, low=1.5, high=10, batch=2)
     c = worley(d, u + w[0] + drift[0], v + w[1] + drift[1], k, ky, 0.95)
     crease = d.uniform(0.16, 0.4) * torch.exp(0.3 * spectral(d, n, 2.2, low=2))
     dome = 1 - (1 - (c.edge / crease).clamp(0, 1)) ** 2
@@ -63,7 +63,7 @@ def _dress(
     albedo = albedo * (1 + d.uniform(0.005, 0.03) * fine)
     rough = (
         d.uniform(0.36, 0.58)
-        + d.uniform(-0.06, 0.2) * deep
+        + d.uniform(-0.08, 0.3) * deep
         + d.uniform(0.02, 0.14) * (patch - 0.5)
         + 0.015 * fine
     )
@@ -79,7 +79,7 @@ def _dress(
 
 def pebbled(d: Draw, n: int) -> Surface:
     k = int(min(d.log_uniform(14, 60), n / 6))
-    height, tone = _skin(d, n, k, d.uniform(0.2, 0.5), d.uniform(0.7, 1.4))
+    height, tone = _skin(d, n, k, d.uniform(0.1, 0.4), d.uniform(0.7, 1.4))
     return _dress(
         d, n, height, tone, _hide(d), k, d.log_uniform(0.06, 0.3), d.uniform(0, 0.5) if d.chance(0.4) else 0.0
     )
@@ -99,9 +99,9 @@ def nappa(d: Draw, n: int) -> Surface:
 def aged(d: Draw, n: int) -> Surface:
     """Old and dry: cracked finish, rubbed to the bare hide, scratches."""
     u, v = d.grid(n)
-    k = int(min(d.log_uniform(18, 70), n / 5))
+    k = int(min(d.log_uniform(12, 50), n / 6))
     height, tone = _skin(d, n, k, 0.45)
-    crack = torch.maximum(cracks(d, u, v, k, 0.14, 0.3), 0.8 * cracks(d, u, v, max(4, k // 3), 0.07, 0.3))
+    crack = torch.maximum(cracks(d, u, v, k, 0.2, 0.15), 0.8 * cracks(d, u, v, max(4, k // 3), 0.08, 0.2))
     where = blotches(d, n, d.uniform(0.2, 0.8), low=1.5, beta=2.2, soft=0.7)
     crack = crack * where
     scratch = scratches(d, n, d.integer(10, 90), (0.03, 0.4), 0.8)
@@ -149,8 +149,8 @@ def crocodile(d: Draw, n: int) -> Surface:
     u, v = d.grid(n)
     k = d.integer(5, 16)
     ky = max(3, round(k * d.uniform(0.8, 1.8)))
-    drift = (0.3 / k) * spectral(d, n, 3.2, low=1.5, high=8, batch=2)
-    w = (0.06 / k) * spectral(d, n, 2.8, low=k, high=3 * k, batch=2)
+    drift = 0.012 * spectral(d, n, 3.6, low=1, high=6, batch=2)
+    w = (0.025 / k) * spectral(d, n, 2.8, low=k, high=3 * k, batch=2)
     c = worley(d, u + w[0] + drift[0], v + w[1] + drift[1], k, ky, d.uniform(0.35, 0.8))
     crease = d.uniform(0.06, 0.16)
     dome = 1 - (1 - (c.edge / (2.2 * crease)).clamp(0, 1)) ** 2.5

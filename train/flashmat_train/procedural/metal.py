@@ -52,7 +52,7 @@ def _tarnish(d: Draw, n: int, base: Tensor) -> tuple[Tensor, Tensor]:
         albedo = albedo * (1 + d.uniform(-0.1, 0.15) * s)
     if d.chance(0.35):
         spot = specks(d, n, d.uniform(0.002, 0.03), d.uniform(20, n / 3))
-        albedo = albedo * (1 - d.uniform(0.1, 0.6) * spot)
+        albedo = albedo * (1 - d.uniform(0.03, 0.4) * spot)
         rough = rough + d.uniform(0, 0.25) * spot
     if d.chance(0.25):
         warm = blotches(d, n, d.uniform(0.05, 0.4), low=2, beta=2.0, soft=0.9)
@@ -109,7 +109,7 @@ def hammered(d: Draw, n: int) -> Surface:
     """Beaten by hand: overlapping shallow dents, polished ridges between."""
     u, v = d.grid(n)
     k = d.integer(6, 22)
-    w = (0.15 / k) * spectral(d, n, 3.0, low=k / 2, high=3 * k, batch=2)
+    w = (0.05 / k) * spectral(d, n, 3.0, low=k / 2, high=3 * k, batch=2)
     c = worley(d, u + w[0], v + w[1], k, k, d.uniform(0.6, 1.0))
     bowl = blur(c.f1 * c.f1, 0.03 / k)
     tilt = c.per_cell(d.randn(c.count)) * c.dx + c.per_cell(d.randn(c.count)) * c.dy
@@ -139,7 +139,7 @@ def rusted(d: Draw, n: int) -> Surface:
     """Steel going to rust: from first patches to all scale; runs below."""
     base = _bare(d, grey=True)
     albedo, rough = _tarnish(d, n, base)
-    field = spectral(d, n, d.uniform(1.6, 2.3), low=d.uniform(1.5, 5))
+    field = spectral(d, n, d.uniform(1.7, 2.8), low=d.uniform(1, 4))
     if d.chance(0.4):
         field = unit(field + d.uniform(0.3, 1.0) * spectral(d, n, 1.5, low=2, stretch=(1, d.uniform(3, 10))))
     cover = d.choice((d.uniform(0.05, 0.4), d.uniform(0.3, 0.7), d.uniform(0.8, 1.0)))
@@ -348,7 +348,7 @@ def plates(d: Draw, n: int) -> Surface:
 
 def painted(d: Draw, n: int) -> Surface:
     """Paint on steel, chipped and flaking to primer, metal and rust."""
-    field = spectral(d, n, d.uniform(1.5, 2.2), low=d.uniform(2, 6))
+    field = spectral(d, n, d.uniform(1.7, 2.6), low=d.uniform(1.5, 5))
     bare = mask(field, d.uniform(0.03, 0.5), 0.06)
     edge = mask(field, 0.75, 0.9)
     paint = any_colour(d, 0.85, (0.15, 0.9))
@@ -367,11 +367,11 @@ def painted(d: Draw, n: int) -> Surface:
     )
     height = (
         to_slope(blur(1 - bare, 1.2 / n), 1.0)
-        + to_slope(orange, 0.12)
+        + to_slope(orange, 0.05)
         + bare * to_slope(peel, 0.3)
         + 0.001 * rim
     )
-    return Surface(albedo, height, rough, d.log_uniform(0.03, 0.3), limit=1.8)
+    return Surface(albedo, height, rough, d.log_uniform(0.02, 0.2), limit=1.8)
 
 
 def ribbed(d: Draw, n: int) -> Surface:

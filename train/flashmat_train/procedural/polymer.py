@@ -176,7 +176,7 @@ def foam(d: Draw, n: int) -> Surface:
     """Cellular foam and sponge; packing foam of fused beads."""
     u, v = d.grid(n)
     k = int(min(d.log_uniform(8, 40), n / 8))
-    w = (0.12 / k) * spectral(d, n, 2.6, low=k / 2, high=3 * k, batch=2)
+    w = (0.05 / k) * spectral(d, n, 2.6, low=k / 2, high=3 * k, batch=2)
     c = worley(d, u + w[0], v + w[1], k, k)
     fine = spectral(d, n, 0.8, low=n / 10)
     if d.chance(0.5):  # beads

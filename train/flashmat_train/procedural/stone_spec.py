@@ -86,9 +86,9 @@ def marble(d: Draw, n: int) -> Surface:
 def _onyx(d: Draw, n: int) -> tuple[Tensor, Tensor]:
     """Flowing bands."""
     _, v = d.grid(n)
-    f = spectral(d, n, 3.4, low=1, high=14)
+    f = spectral(d, n, 4.0, low=1, high=8)
     detail = spectral(d, n, 2.4, low=5)
-    phase = v * d.integer(1, 2) + d.uniform(0.08, 0.3) * f + 0.003 * detail
+    phase = v * d.integer(1, 2) + d.uniform(0.05, 0.2) * f + 0.002 * detail
     table = spectral(d, n, d.uniform(0.9, 1.5), low=2, high=d.uniform(25, 60), stretch=(1e3, 1))  # a bar code
     t = unit_range(warp(table, torch.zeros_like(phase), phase - v))
     first = (

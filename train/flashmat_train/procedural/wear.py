@@ -54,10 +54,7 @@ def scratches(
     spread: float = 0.2,
 ) -> Tensor:
     """Thin lines in [0, 1], faint ones the more frequent; all about ``angle``, or every way."""
-    if angle is None:
-        turn = 2 * math.pi * d.rand(count)
-    else:
-        turn = angle + spread * d.randn(count)
+    turn = 2 * math.pi * d.rand(count) if angle is None else angle + spread * d.randn(count)
     reach = length[0] + (length[1] - length[0]) * d.rand(count) ** 3
     points = max(8, int(1.4 * n * length[1]))
     x, y = curves(d, count, points, reach, bend, turn)

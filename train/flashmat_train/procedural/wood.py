@@ -32,14 +32,12 @@ def _timber(d: Draw, n: int, knots: int, rings: float | None = None, scale: floa
     """Cuts through bent rings: cathedrals where they touch the surface, stripes where they stand; knots push them."""
     u, v = d.grid(n)
     long = d.uniform(5, 12) / scale
-    f = spectral(d, n, 3.4, low=1, high=24, stretch=(long, 1))
-    count = rings if rings is not None else d.log_uniform(3, 16) * scale
-    y = d.uniform(0.0, 1.0) * v + d.uniform(0.08, 0.3) * f
-    # Close to a whole number of rings over the tile, so that the stripes meet.
+    f = spectral(d, n, 4.0, low=1, high=d.uniform(4, 10), stretch=(long, 1))
+    count = rings if rings is not None else d.log_uniform(3, 18) * scale
+    # A whole number of rings over the tile, so that the stripes meet; the bend makes loops where it outruns them.
     slope = max(1.0, round(count))
-    base = slope * v + (y - v * 0) * 0
-    field = base + d.uniform(0.5, 1.6) * f * d.uniform(0.6, 1.4) * max(1.0, slope / 6)
-    field = field + 0.12 * spectral(d, n, 2.2, low=4, stretch=(10 / scale, 1))
+    field = slope * v + d.uniform(0.5, 2.0) * max(1.0, slope / 5) * f
+    field = field + 0.06 * spectral(d, n, 2.2, low=4, high=60, stretch=(10 / scale, 1))
     knot = torch.zeros(n, n, device=d.device)
     for _ in range(knots):
         cx, cy = d.uniform(), d.uniform()
@@ -59,8 +57,8 @@ def _timber(d: Draw, n: int, knots: int, rings: float | None = None, scale: floa
     vary = 0.55 + 0.45 * torch.sin(torch.floor(field) * 2.4 + d.uniform(0, 6))
     ring = ring * (0.55 + 0.45 * vary)
     fine = min(n / 3.0, d.uniform(70, 160) * scale)
-    fibre = spectral(d, n, 0.7, low=8, high=fine * 1.5, stretch=(d.uniform(18, 40), 1))
-    pores = spectral(d, n, 0.2, low=fine / 3, high=fine * 1.6, stretch=(d.uniform(8, 18), 1))
+    fibre = spectral(d, n, 1.0, low=3, high=fine * 1.5, stretch=(d.uniform(20, 45), 1))
+    pores = spectral(d, n, 0.2, low=fine / 2, high=fine * 1.6, stretch=(d.uniform(12, 28), 1))
     pore = mask(pores + 0.5 * unit(ring), d.uniform(0.06, 0.22), 0.35)
     return Timber(ring, pore, fibre, knot.clamp(0, 1))
 
@@ -89,8 +87,8 @@ def _face(
     d: Draw, n: int, w: Timber, early: Tensor, late: Tensor, strength: float = 1.0
 ) -> tuple[Tensor, Tensor, Tensor]:
     """Colour, relief and roughness offset of a timber face."""
-    c = mix(early, late, (strength * w.ring).clamp(0, 1)) * (1 + d.uniform(0.02, 0.06) * w.fibre)
-    c = c * (1 - d.uniform(0.08, 0.4) * w.pore)
+    c = mix(early, late, (strength * w.ring).clamp(0, 1)) * (1 + d.uniform(0.02, 0.08) * w.fibre)
+    c = c * (1 - d.uniform(0.03, 0.28) * w.pore)
     c = mix(c, late * d.uniform(0.3, 0.6), (w.knot * 0.85).clamp(0, 1))
     open_grain = d.uniform(0.0, 1.0)
     relief = (
@@ -276,22 +274,20 @@ def siding(d: Draw, n: int) -> Surface:
 def bark(d: Draw, n: int) -> Surface:
     """Furrowed, plated or smooth bark; moss and lichen; trunks stand upright."""
     u, v = d.grid(n)
-    k = d.integer(5, 16)
+    k = d.integer(4, 13)
     tall = d.uniform(1.5, 5.0)
     ky = max(3, round(k / tall))
-    w = spectral(d, n, 2.6, low=k / 2, high=5 * k, stretch=(1, d.uniform(1, 2.5)), batch=2)
-    drift = 0.05 * spectral(d, n, 3.0, low=1, high=8)
-    c = worley(d, u + drift + (0.35 / k) * w[0], v + (0.35 / ky) * w[1], k, ky)
-    furrow = smoothstep(0.0, d.uniform(0.15, 0.4), c.edge)
-    f = spectral(d, n, 2.0, low=4, stretch=(1, d.uniform(2, 5)))
-    plates = spectral(d, n, 2.2, low=2 * k, stretch=(d.uniform(1, 2), 1))
+    w = spectral(d, n, 3.0, low=k / 2, high=3 * k, stretch=(1, d.uniform(1, 2.5)), batch=2)
+    drift = 0.04 * spectral(d, n, 3.0, low=1, high=6, stretch=(1, 2))
+    c = worley(d, u + drift + (0.15 / k) * w[0], v + (0.2 / ky) * w[1], k, ky)
+    furrow = smoothstep(0.0, d.uniform(0.15, 0.45), c.edge)
+    f = spectral(d, n, 2.3, low=k / 2, stretch=(1, d.uniform(3, 7)))
+    plates = spectral(d, n, 2.4, low=1.5 * k, high=8 * k, stretch=(1, d.uniform(1, 3.5)))
     scale_steps = torch.floor(2.5 * plates) + smoothstep(0.0, 0.4, torch.remainder(2.5 * plates, 1))
     grain = spectral(d, n, 0.8, low=n / 14)
-    ridged = d.uniform(0.3, 1.0)
-    height = to_slope(furrow * (0.7 + 0.3 * c.per_cell(d.rand(c.count))), ridged) + to_slope(
-        -f.abs(), d.uniform(0.2, 0.9)
-    )
-    height = height + to_slope(blur(scale_steps, 0.0015), d.uniform(0.2, 0.6)) + to_slope(grain, 0.2)
+    height = to_slope(furrow * (0.6 + 0.4 * c.per_cell(d.rand(c.count))), d.uniform(0.6, 1.2))
+    height = height + to_slope(-f.abs(), d.uniform(0.3, 0.8)) + to_slope(grain, 0.18)
+    height = height + to_slope(blur(scale_steps, 0.0015), d.uniform(0.05, 0.35))
     relief = unit_range(height)
     cav = cavity(height, 0.015)
     deep = hsv(d, (0.03, 0.09), (0.2, 0.5), (0.12, 0.3))
@@ -402,7 +398,7 @@ def cork(d: Draw, n: int) -> Surface:
     """Pressed granules of cork, dark seams, pits."""
     u, v = d.grid(n)
     k = int(min(d.log_uniform(14, 50), n / 5))
-    w = (0.3 / k) * spectral(d, n, 2.4, low=k / 2, high=5 * k, batch=2)
+    w = (0.1 / k) * spectral(d, n, 2.6, low=k / 2, high=4 * k, batch=2)
     c = worley(d, u + w[0], v + w[1], k, k)
     fine = spectral(d, n, 0.8, low=2 * k)
     pit = blotches(d, n, d.uniform(0.02, 0.1), low=k, beta=1.0, soft=0.2)
