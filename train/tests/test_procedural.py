@@ -92,7 +92,7 @@ def test_wrong_names_are_told() -> None:
 
 
 def test_classes_differ() -> None:
-    """Mean roughness and relief alone tell polished stone, metal and ground apart; all families are distinct."""
+    """Mean roughness and relief tell polished stone, metal and ground apart; all families are distinct."""
     rough, flat = {}, {}
     for cls in CLASSES:
         made = [generate(cls, 48, rng(s)) for s in range(12)]

@@ -11,9 +11,9 @@ import torch
 
 from . import fabric, ground, leather, metal, polymer, stone_diff, stone_spec, wood
 from .noise import Draw
-from .structure import Material, Surface, finish
+from .structure import Material, Surface, couple, finish
 
-__all__ = ["CLASSES", "FAMILIES", "Material", "generate"]
+__all__ = ["CLASSES", "FAMILIES", "WEIGHTS", "Material", "generate"]
 
 Family = Callable[[Draw, int], Surface]
 
@@ -28,6 +28,31 @@ FAMILIES: dict[str, dict[str, Family]] = {
     "wood": wood.FAMILIES,
 }
 CLASSES: tuple[str, ...] = tuple(FAMILIES)
+# How often a family is drawn, where it is not 1: real sets hold more plain sheets than tread plates.
+WEIGHTS: dict[str, float] = {
+    "metal/sheet": 4,
+    "metal/brushed": 3,
+    "metal/scratched": 2,
+    "metal/galvanised": 1.5,
+    "metal/rusted": 2,
+    "metal/perforated": 0.6,
+    "polymer/smooth": 4,
+    "polymer/grained": 2,
+    "polymer/paint": 2,
+    "polymer/film": 0.7,
+    "polymer/foam": 0.6,
+    "stone-spec/marble": 2,
+    "stone-spec/glazed": 2,
+    "stone-spec/ice": 0.5,
+    "wood/veneer": 2,
+    "wood/planks": 2,
+    "wood/bark": 1.5,
+    "fabric/plain_weave": 2,
+    "fabric/twill": 2,
+    "leather/pebbled": 2,
+    "leather/nappa": 1.5,
+    "leather/aged": 1.5,
+}
 
 
 def generate(
@@ -47,8 +72,10 @@ def generate(
     if name not in FAMILIES:
         raise ValueError(f"no material class {name!r}; classes: {', '.join(CLASSES)}")
     families = FAMILIES[name]
-    key = family if family is not None else d.choice(tuple(families))
+    key = family
+    if key is None:
+        key = d.weighted(tuple(families), [WEIGHTS.get(f"{name}/{f}", 1.0) for f in families])
     if key not in families:
         raise ValueError(f"no family {key!r} of {name}; families: {', '.join(families)}")
     with torch.no_grad():
-        return finish(families[key](d, size), CLASSES.index(name), key)
+        return finish(couple(d, families[key](d, size), name), CLASSES.index(name), key)

@@ -2,7 +2,7 @@
 
 ``python -m flashmat_train.procedural.contact_sheet --class wood --data MATERIALS --out sheets``
 
-Each material is a block of four: albedo (sRGB), normal, roughness, and a flash photo (the flash of the default
+Each material is a block of four: albedo (sRGB), normal, roughness, and a flash photo (by the default
 camera: field of view 43.35 degrees, flash and camera at distance 1).
 """
 
@@ -113,9 +113,7 @@ def main(argv: list[str] | None = None) -> int:
     p.add_argument("--data", type=Path, help="folder of real materials by class")
     p.add_argument("--splits", type=Path, help="splits.tsv: only its train materials are shown")
     p.add_argument("--reals", type=int, default=6, help="how many real ones")
-    p.add_argument(
-        "--shuffle", action="store_true", help="mix real and procedural, unlabelled; names are printed"
-    )
+    p.add_argument("--shuffle", action="store_true", help="mix real and procedural, unlabelled; names are printed")
     p.add_argument("--device", default="cpu")
     p.add_argument("--out", type=Path, default=Path("."))
     args = p.parse_args(argv)
@@ -127,9 +125,7 @@ def main(argv: list[str] | None = None) -> int:
                 continue
             for i in range(args.each):
                 rng = torch.Generator().manual_seed(args.seed + i)
-                shown.append(
-                    (f"{family} {args.seed + i}", generate(cls, args.size, rng, args.device, family))
-                )
+                shown.append((f"{family} {args.seed + i}", generate(cls, args.size, rng, args.device, family)))
         order = torch.Generator().manual_seed(args.seed)
         if args.data is not None:
             real = real_materials(args.data, cls, args.size, args.splits)

@@ -1,4 +1,4 @@
-"""Fabrics: woven (plain, twill, satin, dobby, checks), denim, knits, carpets, felt, corduroy, quilts, ropes."""
+"""Fabrics: weaves (plain, twill, satin, checks), denim, knits, carpets, felt, corduroy, quilts, ropes."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from .wear import clouds, mask
 
 def _cloth_colour(d: Draw) -> Tensor:
     pick = d.uniform()
-    if pick < 0.35:  # undyed: ecru, linen, greys
+    if pick < 0.3:  # undyed: ecru, linen, greys
         return hsv(d, (0.06, 0.14), (0.02, 0.22), (0.4, 0.95))
-    if pick < 0.5:
+    if pick < 0.4:
         return hsv(d, (0.5, 0.75), (0.02, 0.2), (0.1, 0.9))
-    return any_colour(d, 0.75, (0.12, 0.9))
+    return any_colour(d, 0.95, (0.12, 0.9))
 
 
 def _pattern(d: Draw, kind: str) -> Tensor:
@@ -61,9 +61,7 @@ def _stripes(d: Draw, count: int, colours: list[Tensor]) -> Tensor:
     return torch.cat([colours[i].view(3, 1) for i in ids], 1)
 
 
-def _weave(
-    d: Draw, n: int, kind: str, warps: list[Tensor], wefts: list[Tensor], fine: float = 1.0
-) -> Surface:
+def _weave(d: Draw, n: int, kind: str, warps: list[Tensor], wefts: list[Tensor], fine: float = 1.0) -> Surface:
     u, v = d.grid(n)
     p = _pattern(d, kind).to(d.device)
     ph, pw = p.shape
@@ -121,9 +119,7 @@ def _weave(
     depth = unit_range(z)
     shade = d.uniform(0.1, 0.5)
     dark = (1 - shade) + shade * depth**0.7
-    albedo = (
-        base * dark * (1 + d.uniform(0.01, 0.06) * fibre + d.uniform(0.01, 0.05) * fuzz + 0.04 * ply * depth)
-    )
+    albedo = base * dark * (1 + d.uniform(0.01, 0.06) * fibre + d.uniform(0.01, 0.05) * fuzz + 0.04 * ply * depth)
     albedo = torch.where(ground, albedo * 0.6, albedo) * (1 + d.uniform(0, 0.05) * (clouds(d, n) - 0.5))
     spread = d.log_uniform(0.03, 0.5)
     rough = d.uniform(0.56, 0.88) - spread * (depth - 0.6) + 0.018 * fuzz + 0.018 * fibre
@@ -159,17 +155,11 @@ def checked(d: Draw, n: int) -> Surface:
 
 
 def denim(d: Draw, n: int) -> Surface:
-    blue = (
-        hsv(d, (0.56, 0.66), (0.25, 0.75), (0.2, 0.6))
-        if d.chance(0.7)
-        else hsv(d, (0, 1), (0, 0.1), (0.1, 0.4))
-    )
+    blue = hsv(d, (0.56, 0.66), (0.25, 0.75), (0.2, 0.6)) if d.chance(0.7) else hsv(d, (0, 1), (0, 0.1), (0.1, 0.4))
     white = hsv(d, (0.08, 0.6), (0.0, 0.12), (0.5, 0.95))
     s = _weave(d, n, "twill", [blue], [white])
     fade = clouds(d, n, 2.8, swirl=0.02)
-    s.albedo = mix(
-        s.albedo, s.albedo * 0.5 + 0.5 * white * 0.8, d.uniform(0, 0.6) * fade * unit_range(s.height)
-    )
+    s.albedo = mix(s.albedo, s.albedo * 0.5 + 0.5 * white * 0.8, d.uniform(0, 0.6) * fade * unit_range(s.height))
     return s
 
 
@@ -202,11 +192,7 @@ def knit(d: Draw, n: int) -> Surface:
         tc = t.clamp(0, 1)
         ex, ey = ax - inner - tc * dirx, yy + 0.3 - tc * diry
         dist = torch.sqrt((ex * ex) + (0.8 * ey) ** 2) / thick
-        z = (
-            (1 - dist * dist).clamp_min(0).sqrt() * 0.8
-            + 0.5 * torch.sin(math.pi * (0.12 + 0.76 * tc))
-            - 0.25 * tc
-        )
+        z = (1 - dist * dist).clamp_min(0).sqrt() * 0.8 + 0.5 * torch.sin(math.pi * (0.12 + 0.76 * tc)) - 0.25 * tc
         z = torch.where(dist < 1, z, -1.0)
         near = z > best
         best = torch.where(near, z, best)
@@ -234,12 +220,7 @@ def knit(d: Draw, n: int) -> Surface:
     shade = d.uniform(0.35, 0.75)
     albedo = base * ((1 - shade) + shade * depth) * (1 + 0.05 * ply + 0.05 * fuzz + 0.04 * hairs)
     rough = d.uniform(0.62, 0.88) - d.log_uniform(0.03, 0.35) * (depth - 0.6) + 0.02 * fuzz
-    z = (
-        z
-        + 0.5 * blur(rib[ii], 0.25 / kx, 0.01 / kx)
-        + 0.07 * ply * depth
-        + d.uniform(0.02, 0.07) * (fuzz + hairs)
-    )
+    z = z + 0.5 * blur(rib[ii], 0.25 / kx, 0.01 / kx) + 0.07 * ply * depth + d.uniform(0.02, 0.07) * (fuzz + hairs)
     total = d.log_uniform(0.25, 0.85)
     return Surface(albedo, to_slope(z, total) + to_slope(bend[0], 0.1 * total), rough, total, limit=1.8)
 
@@ -299,10 +280,7 @@ def carpet(d: Draw, n: int) -> Surface:
 
 def felt(d: Draw, n: int) -> Surface:
     """Pressed fibres every way, mottled; or fleece with more relief."""
-    fields = [
-        spectral(d, n, 1.2, low=6, stretch=(d.uniform(6, 14), 1), angle=d.uniform(0, math.pi))
-        for _ in range(4)
-    ]
+    fields = [spectral(d, n, 1.2, low=6, stretch=(d.uniform(6, 14), 1), angle=d.uniform(0, math.pi)) for _ in range(4)]
     fibres = unit(torch.stack(fields).amax(0))
     count = int(n * d.uniform(1.0, 4.0))
     x, y = curves(d, count, 40, 0.14, 1.2, 2 * math.pi * d.rand(count))
@@ -322,7 +300,7 @@ def felt(d: Draw, n: int) -> Surface:
 
 def corduroy(d: Draw, n: int) -> Surface:
     """Ribs of pile with soft, broken edges."""
-    u, v = d.grid(n)
+    u, _ = d.grid(n)
     k = d.integer(8, 40)
     w = spectral(d, n, 2.2, low=3, stretch=(1, 3), batch=2)
     x = u * k + d.uniform(0.01, 0.12) * w[0]
@@ -339,9 +317,7 @@ def corduroy(d: Draw, n: int) -> Surface:
 
 
 def _turned(s: Surface) -> Surface:
-    s.albedo, s.height, s.roughness = (
-        t.transpose(-1, -2).contiguous() for t in (s.albedo, s.height, s.roughness)
-    )
+    s.albedo, s.height, s.roughness = (t.transpose(-1, -2).contiguous() for t in (s.albedo, s.height, s.roughness))
     return s
 
 
@@ -366,11 +342,7 @@ def quilt(d: Draw, n: int) -> Surface:
     stitch = (torch.exp(-((edge / 0.018) ** 2))) * (torch.sin(2 * math.pi * 9 * (x + y)) > -0.3)
     base = _cloth_colour(d)
     seam = torch.exp(-((edge / 0.05) ** 2))
-    albedo = (
-        base
-        * (1 - d.uniform(0.1, 0.4) * seam)
-        * (1 + 0.03 * fine + 0.03 * fuzz + 0.05 * cavity(wrinkle, 0.02))
-    )
+    albedo = base * (1 - d.uniform(0.1, 0.4) * seam) * (1 + 0.03 * fine + 0.03 * fuzz + 0.05 * cavity(wrinkle, 0.02))
     albedo = mix(albedo, _cloth_colour(d) if d.chance(0.3) else base * 1.1, 0.7 * stitch)
     rough = d.uniform(0.45, 0.75) + d.uniform(0.02, 0.25) * (seam - 0.3) + 0.02 * fuzz
     return Surface(albedo, height, rough, d.log_uniform(0.2, 0.5), limit=2.0)
@@ -388,12 +360,7 @@ def rope(d: Draw, n: int) -> Surface:
     body = (1 - (2.05 * fy) ** 2).clamp_min(0).sqrt()
     lean = d.uniform(0.5, 1.6) * torch.where((j.long() % 2 == 1) if d.chance(0.5) else (j < -1), -1.0, 1.0)
     k = across * d.integer(1, 3)
-    x = (
-        u * k
-        + 0.08 * w[1]
-        + lean * 1.4 * torch.asin((2 * fy).clamp(-1, 1))
-        + d.rand(rows)[j.long() % rows] * k
-    )
+    x = u * k + 0.08 * w[1] + lean * 1.4 * torch.asin((2 * fy).clamp(-1, 1)) + d.rand(rows)[j.long() % rows] * k
     i = torch.floor(x)
     fx = x - i - 0.5
     strand = (1 - (2 * fx) ** 2).clamp_min(0).sqrt()

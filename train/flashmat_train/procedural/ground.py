@@ -26,9 +26,7 @@ def _stone(d: Draw) -> Tensor:
     )
 
 
-def _stones(
-    d: Draw, n: int, count: int, low: float, high: float, power: float = 2.5
-) -> tuple[Splats, Tensor]:
+def _stones(d: Draw, n: int, count: int, low: float, high: float, power: float = 2.5) -> tuple[Splats, Tensor]:
     """Loose stones; the second value holds, for each, random tones (4, count)."""
     p = stone_params(d, count, d.uniform(0.2, 0.8))
     size = sizes(d, count, low, high, power).clamp_min(1.2 / n)
@@ -55,14 +53,10 @@ def soil(d: Draw, n: int) -> Surface:
     k = int(min(d.log_uniform(20, 70), n / 4))
     w = (0.3 / k) * spectral(d, n, 2.5, low=k / 2, high=4 * k, batch=2)
     c = worley(d, u + w[0], v + w[1], k, k)
-    crumbs = unit(
-        (1 - c.f1).clamp_min(0) * (0.5 + c.per_cell(d.rand(c.count))) + 0.3 * spectral(d, n, 1.0, low=k)
-    )
+    crumbs = unit((1 - c.f1).clamp_min(0) * (0.5 + c.per_cell(d.rand(c.count))) + 0.3 * spectral(d, n, 1.0, low=k))
     grit = spectral(d, n, 0.5, low=n / 12)
     ridge = -clods.abs() if d.chance(0.4) else clods
-    height = (
-        to_slope(ridge, 1.0) + to_slope(crumbs, d.uniform(0.4, 1.4)) + to_slope(grit, d.uniform(0.2, 0.6))
-    )
+    height = to_slope(ridge, 1.0) + to_slope(crumbs, d.uniform(0.4, 1.4)) + to_slope(grit, d.uniform(0.2, 0.6))
     cav = cavity(height, 0.012)
     base = _earth(d)
     other = jitter(d, base, 0.1)
@@ -108,7 +102,7 @@ def gravel(d: Draw, n: int) -> Surface:
     """Crushed stone, all sizes, fines between."""
     high = d.log_uniform(0.018, 0.08)
     low = max(high * d.uniform(0.12, 0.4), 1.5 / n)
-    count = int(min(d.uniform(1.5, 3.2) / (low + 0.28 * (high - low)) ** 2, 9000))
+    count = int(min(d.uniform(1.4, 2.4) / (low + 0.28 * (high - low)) ** 2, 6000))
     s, tones = _stones(d, n, count, low, high, 3.0)
     m = s.hit.float()
     rock = spectral(d, n, 1.6, low=0.5 / high)
@@ -117,19 +111,12 @@ def gravel(d: Draw, n: int) -> Surface:
     z = torch.where(s.hit, s.top, -0.3 + bed) * high
     height = to_slope(z, 1.0) + to_slope(rock, d.uniform(0.15, 0.5)) + to_slope(grit, 0.15)
     ao = unit_range(cavity(z, 0.5 * high))
-    base = _stone_colours(d, s, tones, d.uniform(0.08, 0.22)) * (
-        1 + d.uniform(0.03, 0.1) * rock + 0.05 * grit
-    )
+    base = _stone_colours(d, s, tones, d.uniform(0.08, 0.22)) * (1 + d.uniform(0.03, 0.1) * rock + 0.05 * grit)
     fines = _earth(d) * (0.8 + 0.1 * grit)
     albedo = mix(fines, base, m) * (1 - d.uniform(0.3, 0.7) * (1 - ao) ** 1.5)
     dirt = d.uniform(0, 0.7) * smoothstep(0.5, 0.1, ao)
     albedo = mix(albedo, fines * 0.7, dirt)
-    rough = (
-        d.uniform(0.45, 0.75)
-        + d.uniform(-0.05, 0.2) * (0.6 - ao)
-        + 0.03 * rock
-        + 0.04 * s.per_splat(tones[2]) * m
-    )
+    rough = d.uniform(0.45, 0.75) + d.uniform(-0.05, 0.2) * (0.6 - ao) + 0.03 * rock + 0.04 * s.per_splat(tones[2]) * m
     return Surface(albedo, height, rough, d.log_uniform(0.5, 1.3), limit=1.8)
 
 
@@ -151,9 +138,7 @@ def pebbles(d: Draw, n: int) -> Surface:
     above = torch.where(s.hit, s.top, 0.0) - bedding
     m = m * smoothstep(0.0, 0.06, above)
     z = (torch.maximum(above, torch.zeros_like(above)) + bedding * 0.5) * high
-    height = (
-        to_slope(z, 1.0) + to_slope(grit, d.uniform(0.1, 0.4)) + m * to_slope(rock, d.uniform(0.05, 0.25))
-    )
+    height = to_slope(z, 1.0) + to_slope(grit, d.uniform(0.1, 0.4)) + m * to_slope(rock, d.uniform(0.05, 0.25))
     ground_colour = hsv(d, (0.08, 0.12), (0.15, 0.4), (0.45, 0.75)) if sandy else _earth(d)
     veins = torch.exp(-8 * warp(rock, 0.01 * rock, 0.01 * grit).abs()) * s.per_splat((tones[3] > 1).float())
     top = _stone_colours(d, s, tones, d.uniform(0.06, 0.18)) * (1 + 0.06 * rock) + 0.12 * veins
@@ -217,9 +202,7 @@ def cracked_mud(d: Draw, n: int) -> Surface:
     grit = spectral(d, n, 0.6, low=n / 12)
     plate = c.per_cell(d.rand(c.count))
     z = curl * (1 - gap) - d.uniform(0.6, 1.2) * gap - 0.35 * fine + 0.15 * plate * (1 - gap)
-    height = (
-        to_slope(z, 1.0) + to_slope(rough_top, d.uniform(0.15, 0.4)) + to_slope(grit, d.uniform(0.1, 0.35))
-    )
+    height = to_slope(z, 1.0) + to_slope(rough_top, d.uniform(0.15, 0.4)) + to_slope(grit, d.uniform(0.1, 0.35))
     base = hsv(d, (0.05, 0.11), (0.08, 0.4), (0.4, 0.75))
     tone = 1 + 0.07 * (plate - 0.5) + 0.06 * rough_top + 0.05 * grit + 0.1 * (clouds(d, n) - 0.5)
     albedo = base * tone * (1 - d.uniform(0.45, 0.75) * gap) * (1 - 0.3 * fine) * (1 + 0.1 * curl)
@@ -263,9 +246,7 @@ def grass(d: Draw, n: int) -> Surface:
     albedo = albedo * (0.88 + 0.24 * clouds(d, n, 2.0, low=2))
     fuzz = spectral(d, n, 0.6, low=n / 10)
     rough = d.uniform(0.5, 0.72) - d.uniform(-0.05, 0.15) * (depth - 0.5) + 0.03 * fuzz + 0.06 * dead * hit
-    height = (
-        to_slope(blur(top, 0.0018), 1.0) + to_slope(fuzz, 0.2) + to_slope(spectral(d, n, 2.5, low=3), 0.3)
-    )
+    height = to_slope(blur(top, 0.0018), 1.0) + to_slope(fuzz, 0.2) + to_slope(spectral(d, n, 2.5, low=3), 0.3)
     return Surface(albedo, height, rough, d.log_uniform(0.45, 1.2), limit=1.7)
 
 
@@ -297,13 +278,7 @@ def litter(d: Draw, n: int) -> Surface:
         else:
             lobes = 1 + 0.12 * torch.sin(9 * a + q[3])
             inside = b.abs() < (1 - a * a) * (1 - 0.3 * a) * lobes
-        z = (
-            q[5]
-            + 0.16 * q[3] * a
-            + 0.12 * q[4] * b
-            + 0.14 * q[2] * (b * b - a * a)
-            - 0.1 * (b.abs() < 0.08).float()
-        )
+        z = q[5] + 0.16 * q[3] * a + 0.12 * q[4] * b + 0.14 * q[2] * (b * b - a * a) - 0.1 * (b.abs() < 0.08).float()
         return torch.where(inside, z, -math.inf)
 
     s, p = scatter(d, n, size, p, leaf, floor=-0.2)
@@ -328,15 +303,8 @@ def litter(d: Draw, n: int) -> Surface:
     depth = unit_range(cavity(torch.where(hit, s.top, -0.2), 0.6 * high))
     albedo = torch.where(hit, base * tone, 0.4 * first) * (0.35 + 0.65 * depth**0.8) * (1 + 0.06 * fine)
     z = torch.where(hit, s.top, -0.2) * high * 0.7
-    height = (
-        to_slope(blur(z, 0.0012), 1.0)
-        + to_slope(noise, 0.3)
-        + to_slope(veins * hit, 0.15)
-        + to_slope(fine, 0.1)
-    )
-    rough = (
-        d.uniform(0.48, 0.75) - d.uniform(0, 0.2) * (depth - 0.5) + 0.04 * s.per_splat(tones[2]) + 0.08 * rot
-    )
+    height = to_slope(blur(z, 0.0012), 1.0) + to_slope(noise, 0.3) + to_slope(veins * hit, 0.15) + to_slope(fine, 0.1)
+    rough = d.uniform(0.48, 0.75) - d.uniform(0, 0.2) * (depth - 0.5) + 0.04 * s.per_splat(tones[2]) + 0.08 * rot
     return Surface(albedo, height, rough, d.log_uniform(0.45, 1.2), limit=1.8)
 
 
@@ -356,17 +324,11 @@ def asphalt(d: Draw, n: int) -> Surface:
     wear = clouds(d, n, 2.6)
     albedo = mix(bind * (1 + 0.06 * grit), top, m) * (0.9 + 0.2 * wear)
     z = torch.where(s.hit, s.top, -0.3)
-    height = (
-        to_slope(z, 1.0) + to_slope(grit, d.uniform(0.3, 0.8)) + to_slope(spectral(d, n, 2.5, low=2), 0.15)
-    )
-    rough = (
-        d.uniform(0.48, 0.82) - d.uniform(-0.05, 0.2) * m + 0.035 * grit - d.uniform(0, 0.12) * (wear - 0.5)
-    )
+    height = to_slope(z, 1.0) + to_slope(grit, d.uniform(0.3, 0.8)) + to_slope(spectral(d, n, 2.5, low=2), 0.15)
+    rough = d.uniform(0.48, 0.82) - d.uniform(-0.05, 0.2) * m + 0.035 * grit - d.uniform(0, 0.12) * (wear - 0.5)
     total = d.log_uniform(0.12, 0.6)
     if d.chance(0.35):
-        run = cracks(d, u, v, d.integer(2, 4), d.uniform(0.012, 0.03), 0.3) * blotches(
-            d, n, 0.5, low=1.5, soft=0.5
-        )
+        run = cracks(d, u, v, d.integer(2, 4), d.uniform(0.012, 0.03), 0.3) * blotches(d, n, 0.5, low=1.5, soft=0.5)
         albedo = albedo * (1 - 0.7 * run)
         height = height - 0.012 * run
         rough = rough + 0.12 * run
@@ -380,9 +342,7 @@ def snow(d: Draw, n: int) -> Surface:
     if d.chance(0.5):
         crust = -crust.abs()
     grain = spectral(d, n, 0.3, low=n / 8)
-    height = (
-        to_slope(drift, 1.0) + to_slope(crust, d.uniform(0.2, 1.0)) + to_slope(grain, d.uniform(0.1, 0.6))
-    )
+    height = to_slope(drift, 1.0) + to_slope(crust, d.uniform(0.2, 1.0)) + to_slope(grain, d.uniform(0.1, 0.6))
     cav = cavity(height, 0.03)
     base = (
         hsv(d, (0.52, 0.62), (0.0, 0.14), (0.8, 0.98))
@@ -408,11 +368,7 @@ def mossy(d: Draw, n: int) -> Surface:
     tufts = (1 - c.f1).clamp_min(0) * (0.4 + 0.6 * c.per_cell(d.rand(c.count)))
     fuzz = spectral(d, n, 0.4, low=n / 8)
     green = hsv(d, (0.17, 0.29), (0.4, 0.8), (0.25, 0.6))
-    moss = (
-        mix(green, jitter(d, green, 0.12), clouds(d, n, 1.8, low=3))
-        * (0.45 + 0.75 * tufts)
-        * (1 + 0.1 * fuzz)
-    )
+    moss = mix(green, jitter(d, green, 0.12), clouds(d, n, 1.8, low=3)) * (0.45 + 0.75 * tufts) * (1 + 0.1 * fuzz)
     moss = moss * (1 + 0.15 * c.per_cell(d.randn(c.count)))
     s.albedo = mix(s.albedo, moss, m)
     bulge = m * (1 + 0.3 * field)

@@ -1,4 +1,4 @@
-"""Leathers: pebbled, fine (nappa), aged and cracked, suede, crocodile, quilted with stitches, woven, embossed."""
+"""Leathers: pebbled, fine (nappa), aged and cracked, suede, crocodile, stitched, woven, embossed."""
 
 from __future__ import annotations
 
@@ -20,15 +20,13 @@ def _hide(d: Draw) -> Tensor:
         return hsv(d, (0.95, 1.02), (0.5, 0.95), (0.2, 0.75))
     if pick < 0.8:  # blacks, creams
         return (
-            hsv(d, (0.05, 0.12), (0.05, 0.25), (0.7, 0.92))
-            if d.chance(0.4)
-            else hsv(d, (0, 1), (0, 0.2), (0.06, 0.2))
+            hsv(d, (0.05, 0.12), (0.05, 0.25), (0.7, 0.92)) if d.chance(0.4) else hsv(d, (0, 1), (0, 0.2), (0.06, 0.2))
         )
     return any_colour(d, 0.8, (0.15, 0.85))
 
 
 def _grain(d: Draw, n: int, k: int, warp: float = 0.35, aspect: float = 1.0) -> tuple[Tensor, Tensor]:
-    """Skin grain: pebbles between creases, in about ``k`` rows. Returns height in [0, 1] and tone per pebble."""
+    """Skin grain: pebbles between creases, in about ``k`` rows. Height in [0, 1] and a tone per pebble."""
     u, v = d.grid(n)
     ky = max(3, round(k * aspect))
     w = (warp / k) * spectral(d, n, 3.0, low=k / 3, high=3 * k, batch=2)
@@ -50,10 +48,8 @@ def _skin(d: Draw, n: int, k: int, warp: float = 0.35, aspect: float = 1.0) -> t
     return height, tone
 
 
-def _dress(
-    d: Draw, n: int, height: Tensor, tone: Tensor, base: Tensor, k: int, total: float, worn: float
-) -> Surface:
-    """Dye, polish and wear over a grain: creases darker and rougher (or holding the dye), rubbed tops paler."""
+def _dress(d: Draw, n: int, height: Tensor, tone: Tensor, base: Tensor, k: int, total: float, worn: float) -> Surface:
+    """Dye, polish and wear over a grain: creases darker and rougher, rubbed tops paler."""
     relief = unit_range(height)
     deep = smoothstep(0.5, 0.05, relief)
     patch = clouds(d, n, 2.4, low=1.0)
@@ -61,12 +57,7 @@ def _dress(
     albedo = base * (1 - dye * deep) * (1 + 0.02 * tone + d.uniform(0.02, 0.15) * (patch - 0.5))
     fine = spectral(d, n, 0.8, low=k)
     albedo = albedo * (1 + d.uniform(0.005, 0.03) * fine)
-    rough = (
-        d.uniform(0.36, 0.58)
-        + d.uniform(-0.08, 0.3) * deep
-        + d.uniform(0.02, 0.14) * (patch - 0.5)
-        + 0.015 * fine
-    )
+    rough = d.uniform(0.33, 0.55) + d.uniform(-0.08, 0.3) * deep + d.uniform(0.02, 0.14) * (patch - 0.5) + 0.015 * fine
     if worn > 0:
         rub = blotches(d, n, worn, low=1.5, beta=2.0, soft=0.8) * smoothstep(0.25, 0.9, relief)
         pale = jitter(d, base, 0.03) * d.uniform(1.1, 1.8) + d.uniform(0.0, 0.1)
@@ -89,9 +80,7 @@ def nappa(d: Draw, n: int) -> Surface:
     """Fine smooth grain, hair pores, long soft wrinkles."""
     k = int(min(d.log_uniform(45, 110), n / 4.5))
     height, tone = _skin(d, n, k, 0.4)
-    wrinkle = -spectral(
-        d, n, 2.4, low=3, high=24, stretch=(d.uniform(1, 4), 1), angle=d.uniform(0, math.pi)
-    ).abs()
+    wrinkle = -spectral(d, n, 2.4, low=3, high=24, stretch=(d.uniform(1, 4), 1), angle=d.uniform(0, math.pi)).abs()
     height = to_slope(height, 1.0) + to_slope(wrinkle, d.uniform(0.05, 0.8))
     return _dress(d, n, height, tone, _hide(d), k, d.log_uniform(0.02, 0.14), 0.0)
 
@@ -132,13 +121,10 @@ def suede(d: Draw, n: int) -> Surface:
     nap = spectral(d, n, 0.9, low=n / 24, stretch=(d.uniform(1, 3), 1), angle=d.uniform(0, math.pi))
     lump = spectral(d, n, 1.8, low=d.log_uniform(6, 40))
     brushed = unit(
-        clouds(d, n, 2.6, low=1, swirl=0.1)
-        + 0.3 * spectral(d, n, 2, low=3, stretch=(4, 1), angle=d.uniform(0, 3))
+        clouds(d, n, 2.6, low=1, swirl=0.1) + 0.3 * spectral(d, n, 2, low=3, stretch=(4, 1), angle=d.uniform(0, 3))
     )
     base = hsv(d, (0.03, 0.1), (0.2, 0.65), (0.25, 0.7)) if d.chance(0.6) else _hide(d)
-    albedo = base * (
-        1 + d.uniform(0.02, 0.12) * brushed.clamp(-2, 2) + d.uniform(0.02, 0.07) * nap + 0.04 * lump
-    )
+    albedo = base * (1 + d.uniform(0.02, 0.12) * brushed.clamp(-2, 2) + d.uniform(0.02, 0.07) * nap + 0.04 * lump)
     height = to_slope(nap, 1.0) + to_slope(lump, d.uniform(0.2, 0.9))
     rough = d.uniform(0.5, 0.8) - d.uniform(0, 0.05) * brushed.clamp(-2, 2) + 0.03 * nap
     return Surface(albedo, height, rough, d.log_uniform(0.05, 0.3), limit=1.6)
@@ -198,12 +184,7 @@ def stitched(d: Draw, n: int) -> Surface:
     thread = smoothstep(0.05, 0.4, body)
     pucker = spectral(d, n, 2.0, low=8, high=60) * torch.exp(-edge / 0.08)
     share = d.uniform(0.15, 0.6)
-    height = (
-        to_slope(puff, 1.0)
-        + to_slope(grain, share)
-        + to_slope(pucker, 0.2)
-        + to_slope(0.6 * body - hole, 0.5)
-    )
+    height = to_slope(puff, 1.0) + to_slope(grain, share) + to_slope(pucker, 0.2) + to_slope(0.6 * body - hole, 0.5)
     seam = torch.exp(-((edge / 0.03) ** 2))
     yarn = jitter(d, base, 0.06) if d.chance(0.4) else any_colour(d, 0.5, (0.2, 0.95))
     albedo = s.albedo * (1 - 0.25 * seam) * (1 - 0.6 * hole)

@@ -1,4 +1,4 @@
-"""Metals: brushed, cast, hammered, rusted, perforated, tread plate, galvanised, scratched, plates, painted, ribbed."""
+"""Metals: sheet, brushed, cast, hammered, rusted, perforated, tread plate, galvanised, painted and more."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def _nearly_flat(d: Draw, n: int, extra: Tensor | None = None) -> tuple[Tensor, 
     height = to_slope(wave, d.uniform(0.1, 1.0)) + to_slope(grain, d.uniform(0.1, 1.0))
     if extra is not None:
         height = height + to_slope(extra, d.uniform(0.3, 1.5))
-    return height, d.log_uniform(0.003, 0.05)
+    return height, d.log_uniform(0.002, 0.04)
 
 
 def sheet(d: Draw, n: int) -> Surface:
@@ -88,7 +88,7 @@ def brushed(d: Draw, n: int) -> Surface:
     albedo = albedo * (1 + d.uniform(0.005, 0.05) * streak + 0.02 * wide + 0.05 * lines)
     rough = _polish(d, n) + rough * 0.5 + d.uniform(0.01, 0.06) * streak + 0.02 * wide + 0.1 * lines
     height = to_slope(streak, 1.0) + to_slope(wide, 0.3) - to_slope(lines, 0.3)
-    return Surface(albedo, height, rough, d.log_uniform(0.006, 0.12))
+    return Surface(albedo, height, rough, d.log_uniform(0.004, 0.08))
 
 
 def cast(d: Draw, n: int) -> Surface:
@@ -102,7 +102,7 @@ def cast(d: Draw, n: int) -> Surface:
     if d.chance(0.3):
         albedo = mix(albedo, _rust(d, n), 0.7 * pits)
     rough = d.uniform(0.35, 0.65) + rough * 0.7 + 0.05 * grain - 0.05 * cavity(height, 0.02) + 0.1 * pits
-    return Surface(albedo, height, rough, d.log_uniform(0.03, 0.3), limit=1.5)
+    return Surface(albedo, height, rough, d.log_uniform(0.02, 0.2), limit=1.5)
 
 
 def hammered(d: Draw, n: int) -> Surface:
@@ -113,17 +113,13 @@ def hammered(d: Draw, n: int) -> Surface:
     c = worley(d, u + w[0], v + w[1], k, k, d.uniform(0.6, 1.0))
     bowl = blur(c.f1 * c.f1, 0.03 / k)
     tilt = c.per_cell(d.randn(c.count)) * c.dx + c.per_cell(d.randn(c.count)) * c.dy
-    height = (
-        to_slope(bowl, 1.0)
-        + to_slope(blur(tilt, 0.03 / k), 0.3)
-        + to_slope(spectral(d, n, 1.0, low=n / 16), 0.08)
-    )
+    height = to_slope(bowl, 1.0) + to_slope(blur(tilt, 0.03 / k), 0.3) + to_slope(spectral(d, n, 1.0, low=n / 16), 0.08)
     albedo, rough = _tarnish(d, n, _bare(d))
     ridge = unit_range(bowl)
     deep = dust(d, bowl, d.uniform(0, 0.6))
     albedo = albedo * (1 + 0.12 * (ridge - 0.4)) * (1 - 0.4 * deep)
     rough = _polish(d, n) + rough * 0.7 - d.uniform(0, 0.12) * ridge + 0.2 * deep
-    return Surface(albedo, height, rough, d.log_uniform(0.06, 0.32), limit=1.5)
+    return Surface(albedo, height, rough, d.log_uniform(0.05, 0.25), limit=1.5)
 
 
 def _rust(d: Draw, n: int) -> Tensor:
@@ -157,7 +153,7 @@ def rusted(d: Draw, n: int) -> Surface:
         d.uniform(0.6, 0.88) + 0.05 * grain + 0.03 * scale,
         torch.maximum(m, 0.4 * halo),
     )
-    return Surface(albedo, height, rough, d.log_uniform(0.01, 0.35), limit=1.8)
+    return Surface(albedo, height, rough, d.log_uniform(0.006, 0.25), limit=1.8)
 
 
 def perforated(d: Draw, n: int) -> Surface:
@@ -177,11 +173,7 @@ def perforated(d: Draw, n: int) -> Surface:
     elif kind < 0.8:
         corner = d.uniform(0.02, 0.12)
         qx, qy = fx.abs() - r + corner, fy.abs() - r + corner
-        dist = (
-            torch.sqrt(qx.clamp_min(0) ** 2 + qy.clamp_min(0) ** 2)
-            + torch.maximum(qx, qy).clamp(max=0)
-            - corner
-        )
+        dist = torch.sqrt(qx.clamp_min(0) ** 2 + qy.clamp_min(0) ** 2) + torch.maximum(qx, qy).clamp(max=0) - corner
     else:
         dist = torch.sqrt((fx.abs() - 0.22).clamp_min(0) ** 2 + fy * fy) - 0.55 * r
     soft = d.uniform(0.03, 0.1)
@@ -266,17 +258,10 @@ def galvanised(d: Draw, n: int) -> Surface:
         albedo = mix(albedo, jitter(d, colour(d, (0.8, 0.8, 0.8)), 0.05), white)
         rough = rough + 0.25 * white
     rough = (
-        d.uniform(0.25, 0.5)
-        + rough * 0.6
-        + d.uniform(0.05, 0.3) * (c.per_cell(d.rand(c.count)) - 0.5)
-        + 0.02 * fern
+        d.uniform(0.25, 0.5) + rough * 0.6 + d.uniform(0.05, 0.3) * (c.per_cell(d.rand(c.count)) - 0.5) + 0.02 * fern
     )
     tilt = c.per_cell(d.randn(c.count)) * c.dx + c.per_cell(d.randn(c.count)) * c.dy
-    height = (
-        to_slope(tilt, 1.0)
-        + to_slope(spectral(d, n, 3.0), 1.0)
-        + to_slope(spectral(d, n, 1.0, low=n / 16), 0.4)
-    )
+    height = to_slope(tilt, 1.0) + to_slope(spectral(d, n, 3.0), 1.0) + to_slope(spectral(d, n, 1.0, low=n / 16), 0.4)
     return Surface(albedo, height, rough, d.log_uniform(0.004, 0.06))
 
 
@@ -297,7 +282,7 @@ def scratched(d: Draw, n: int) -> Surface:
 
 
 def plates(d: Draw, n: int) -> Surface:
-    """Panels with seams and rivets or screws, each a little dished; dirt in the joints, runs from the rivets."""
+    """Panels with seams and rivets or screws, each a little dished; dirt in the joints."""
     u, v = d.grid(n)
     columns, rows = d.integer(1, 4), 2 * d.integer(1, 3)
     t = brick_tiles(u, v, columns, rows, 0.5 if d.chance(0.6) else 0.0)
@@ -307,20 +292,13 @@ def plates(d: Draw, n: int) -> Surface:
     albedo, rough = _tarnish(d, n, _bare(d, grey=d.chance(0.7)))
     tone = t.per_tile(d.randn(t.count))
     albedo = (
-        albedo
-        * (1 + d.uniform(0, 0.08) * tone)
-        * (1 - d.uniform(0.3, 0.8) * seam)
-        * (1 - d.uniform(0, 0.2) * near)
+        albedo * (1 + d.uniform(0, 0.08) * tone) * (1 - d.uniform(0.3, 0.8) * seam) * (1 - d.uniform(0, 0.2) * near)
     )
     rough = _polish(d, n) + rough + 0.03 * t.per_tile(d.randn(t.count)) + 0.25 * seam + 0.08 * near
     height = to_slope(-seam, 1.0)
     height = height + to_slope(t.per_tile(d.randn(t.count)) * t.dx + t.per_tile(d.randn(t.count)) * t.dy, 0.1)
     dish = (t.dx.abs() / t.half[0]) ** 4 + (t.dy.abs() / t.half[1]) ** 4
-    height = (
-        height
-        - to_slope(dish, d.uniform(0.0, 0.3))
-        + to_slope(spectral(d, n, 3.0, low=2), d.uniform(0.05, 0.4))
-    )
+    height = height - to_slope(dish, d.uniform(0.0, 0.3)) + to_slope(spectral(d, n, 3.0, low=2), d.uniform(0.05, 0.4))
     if d.chance(0.65):
         inset = d.uniform(0.015, 0.035)
         pitch = d.uniform(0.04, 0.12)
@@ -362,15 +340,8 @@ def painted(d: Draw, n: int) -> Surface:
     rim = mask(field, 0.5, 0.03)
     peel = spectral(d, n, 1.8, low=20)
     orange = spectral(d, n, 2.0, low=20, high=80)
-    rough = torch.lerp(
-        d.uniform(0.25, 0.6) + 0.08 * (fade - 0.5) + 0.5 * rough, 0.45 + rough + 0.3 * rust, bare
-    )
-    height = (
-        to_slope(blur(1 - bare, 1.2 / n), 1.0)
-        + to_slope(orange, 0.05)
-        + bare * to_slope(peel, 0.3)
-        + 0.001 * rim
-    )
+    rough = torch.lerp(d.uniform(0.25, 0.6) + 0.08 * (fade - 0.5) + 0.5 * rough, 0.45 + rough + 0.3 * rust, bare)
+    height = to_slope(blur(1 - bare, 1.2 / n), 1.0) + to_slope(orange, 0.05) + bare * to_slope(peel, 0.3) + 0.001 * rim
     return Surface(albedo, height, rough, d.log_uniform(0.02, 0.2), limit=1.8)
 
 
@@ -399,9 +370,7 @@ def ribbed(d: Draw, n: int) -> Surface:
     height = to_slope(wave, 1.0) + to_slope(dents, d.uniform(0.02, 0.2))
     s = Surface(albedo, height, rough, d.log_uniform(0.15, 0.6), limit=1.8)
     if d.chance(0.5):
-        s.albedo, s.height, s.roughness = (
-            t.transpose(-1, -2).contiguous() for t in (s.albedo, s.height, s.roughness)
-        )
+        s.albedo, s.height, s.roughness = (t.transpose(-1, -2).contiguous() for t in (s.albedo, s.height, s.roughness))
     return s
 
 

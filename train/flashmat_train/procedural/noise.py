@@ -1,7 +1,7 @@
 """Periodic noise: every field tiles on the unit torus.
 
 Coordinates ``u`` (right) and ``v`` (down) are in tile units, pixel centres at ``(i + 0.5) / n``. Fields are
-``(n, n)`` or ``(batch, n, n)`` float32. Random numbers are drawn on the generator's own device and moved, so the
+``(n, n)`` or ``(batch, n, n)`` float32. Random numbers are drawn on the generator's own device and moved: the
 same CPU seed gives the same material on every device (up to rounding).
 """
 
@@ -44,6 +44,14 @@ class Draw:
 
     def choice(self, items: Sequence[T]) -> T:
         return items[self.integer(0, len(items) - 1)]
+
+    def weighted(self, items: Sequence[T], weights: Sequence[float]) -> T:
+        mark = self.uniform(0.0, sum(weights))
+        for item, weight in zip(items, weights, strict=True):
+            mark -= weight
+            if mark < 0:
+                return item
+        return items[-1]
 
     def rand(self, *shape: int) -> Tensor:
         return torch.rand(shape, generator=self.rng, device=self.rng.device).to(self.device)
@@ -238,7 +246,7 @@ def splat(
 ) -> Splats:
     """Draws ``N`` small height patches into a periodic z-buffer.
 
-    ``shape(dx, dy)`` takes offsets ``(N, K)`` in tile units from each centre; returns heights, ``-inf`` outside.
+    ``shape(dx, dy)`` takes offsets ``(N, K)`` in tile units from each centre; gives heights, ``-inf`` outside.
     Patches reach ``half`` (tile units) around their centres. Heights should lie within about [-4, 4].
     """
     k = max(1, math.ceil(half * n))

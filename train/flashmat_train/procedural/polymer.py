@@ -45,9 +45,7 @@ def _handled(d: Draw, n: int, base: Tensor, level: float) -> tuple[Tensor, Tenso
 def smooth(d: Draw, n: int) -> Surface:
     """Moulded and polished; faint waves, mould marks."""
     albedo, rough = _handled(d, n, _plastic_colour(d), d.uniform(0.15, 0.5))
-    height = to_slope(spectral(d, n, 3.4, low=1), 1.0) + to_slope(
-        spectral(d, n, 1.6, low=10), d.uniform(0.05, 0.8)
-    )
+    height = to_slope(spectral(d, n, 3.4, low=1), 1.0) + to_slope(spectral(d, n, 1.6, low=10), d.uniform(0.05, 0.8))
     return Surface(albedo, height, rough, d.log_uniform(0.002, 0.04))
 
 
@@ -160,9 +158,7 @@ def vinyl(d: Draw, n: int) -> Surface:
     canvas = torch.sin(2 * math.pi * threads * u) * torch.sin(2 * math.pi * threads * v)
     grain = spectral(d, n, 1.0, low=n / 10)
     height = (
-        to_slope(blur(line, 1.0 / n), d.uniform(-1, 1))
-        + to_slope(canvas, d.uniform(0, 0.6))
-        + to_slope(grain, 0.5)
+        to_slope(blur(line, 1.0 / n), d.uniform(-1, 1)) + to_slope(canvas, d.uniform(0, 0.6)) + to_slope(grain, 0.5)
     )
     base = _plastic_colour(d)
     albedo, rough = _handled(d, n, base, d.uniform(0.3, 0.7))
@@ -184,18 +180,14 @@ def foam(d: Draw, n: int) -> Surface:
         height = to_slope(bead, 1.0) + to_slope(fine, 0.15)
         base = hsv(d, (0.05, 0.65), (0.0, 0.08), (0.85, 1.0)) if d.chance(0.7) else _plastic_colour(d)
         deep = smoothstep(0.12, 0.0, c.edge)
-        albedo = (
-            base * (1 - d.uniform(0.05, 0.3) * deep) * (1 + 0.02 * c.per_cell(d.randn(c.count)) + 0.01 * fine)
-        )
+        albedo = base * (1 - d.uniform(0.05, 0.3) * deep) * (1 + 0.02 * c.per_cell(d.randn(c.count)) + 0.01 * fine)
         rough = d.uniform(0.4, 0.65) + 0.1 * deep + 0.03 * c.per_cell(d.randn(c.count)) + 0.01 * fine
     else:  # open cells, all sizes
         size = 0.15 + 0.5 * c.per_cell(d.rand(c.count)) ** 1.5
         hole = smoothstep(1.0, 0.7, c.f1 / size)
         k2 = min(2 * k, n // 5)
         c2 = worley(d, u, v, k2, k2)
-        hole = torch.maximum(
-            hole, 0.7 * smoothstep(1.0, 0.6, c2.f1 / (0.1 + 0.4 * c2.per_cell(d.rand(c2.count))))
-        )
+        hole = torch.maximum(hole, 0.7 * smoothstep(1.0, 0.6, c2.f1 / (0.1 + 0.4 * c2.per_cell(d.rand(c2.count)))))
         height = to_slope(-hole, 1.0) + to_slope(fine, 0.3)
         base = hsv(d, (0.1, 0.17), (0.2, 0.8), (0.6, 0.95)) if d.chance(0.5) else _plastic_colour(d)
         albedo = base * (1 - d.uniform(0.3, 0.65) * hole) * (1 + 0.03 * fine)
@@ -218,11 +210,7 @@ def carbon(d: Draw, n: int) -> Surface:
     )
     across = torch.where(over, fx, fy)
     bulge = (1 - (1.9 * across) ** 2).clamp_min(0) ** 0.5
-    run = (
-        torch.where(over, torch.remainder(y - i, 4), torch.remainder(x - j, 4))
-        if d.chance(0.5)
-        else across + 0.5
-    )
+    run = torch.where(over, torch.remainder(y - i, 4), torch.remainder(x - j, 4)) if d.chance(0.5) else across + 0.5
     base = hsv(d, (0.55, 0.7), (0, 0.12), (0.1, 0.3)) if d.chance(0.75) else any_colour(d, 0.8, (0.2, 0.8))
     sheen = torch.where(over, d.uniform(0.7, 1.4), d.uniform(0.7, 1.4))
     albedo, rough = _handled(d, n, base, d.uniform(0.15, 0.4))

@@ -24,12 +24,10 @@ def merge(a: Splats, b: Splats, offset: int) -> Splats:
     )
 
 
-def scatter(
-    d: Draw, n: int, size: Tensor, params: Tensor, shape: Shape, floor: float = 0.0
-) -> tuple[Splats, Tensor]:
+def scatter(d: Draw, n: int, size: Tensor, params: Tensor, shape: Shape, floor: float = 0.0) -> tuple[Splats, Tensor]:
     """Scatters items of radius ``size`` (N,) at random places, big ones first, in up to four size buckets.
 
-    ``shape(dx, dy, p)`` gets offsets in units of the item's size and its parameters ``p`` (P, N, 1), and returns
+    ``shape(dx, dy, p)`` gets offsets in units of the item's size and its parameters ``p`` (P, N, 1); it gives
     heights, ``-inf`` outside the unit disc. Returns the splats and ``params`` in the order of the ids.
     """
     order = torch.argsort(size, descending=True, stable=True)
@@ -93,9 +91,7 @@ def stone_shape(angular: float, power: float, rise: float, tilt: float) -> Shape
     return shape
 
 
-def strokes(
-    n: int, x: Tensor, y: Tensor, z: Tensor, radius: Tensor, reach: float, dome: float = 0.5
-) -> Splats:
+def strokes(n: int, x: Tensor, y: Tensor, z: Tensor, radius: Tensor, reach: float, dome: float = 0.5) -> Splats:
     """Round strokes through points ``x``, ``y``, heights ``z``, radii ``radius`` (each (N, M), tile units).
 
     Ids are ``stroke * M + point``; ``reach`` is the greatest radius.
@@ -113,21 +109,19 @@ def strokes(
 def curves(
     d: Draw, count: int, points: int, length: Tensor | float, bend: float, turn: Tensor
 ) -> tuple[Tensor, Tensor]:
-    """Random arcs: ``count`` curves of ``points`` points from random starts in directions ``turn`` (count,)."""
+    """Random arcs: ``count`` curves of ``points`` points from random starts, headed ``turn`` (count,)."""
     t = torch.linspace(0, 1, points, device=d.device)
     k = bend * d.randn(count, 1)
     k2 = 0.7 * bend * d.randn(count, 1)
     angle = turn[:, None] + k * (t - 0.5) + k2 * torch.sin(2 * math.pi * t)
-    step = (length if isinstance(length, Tensor) else torch.full((count,), length, device=d.device))[
-        :, None
-    ] / points
+    step = (length if isinstance(length, Tensor) else torch.full((count,), length, device=d.device))[:, None] / points
     x = d.rand(count, 1) + torch.cumsum(torch.cos(angle) * step, 1)
     y = d.rand(count, 1) + torch.cumsum(torch.sin(angle) * step, 1)
     return x, y
 
 
 def lines(n: int, x: Tensor, y: Tensor, weight: Tensor) -> Tensor:
-    """Thin antialiased lines through dense points (N, M) with ``weight`` (N, M) or (N, 1); strongest wins; [0, 1]."""
+    """Thin smooth lines through dense points (N, M), ``weight`` (N, M) or (N, 1); the strongest wins."""
     px, py = x * n - 0.5, y * n - 0.5
     ix, iy = torch.floor(px), torch.floor(py)
     fx, fy = px - ix, py - iy

@@ -1,4 +1,4 @@
-"""Matt stones: plaster, stucco, concrete, brick, cobbles, paving, slate, rock, sandstone, flagstones, roof tiles."""
+"""Matt stones: plaster, stucco, concrete, brick, paving, cobbles, flagstones, slate, rock, sandstone, roofs."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def _weather(
             if d.chance(0.7)
             else hsv(d, (0.17, 0.27), (0.3, 0.7), (0.2, 0.4))
         )
-        m = dust(d, height, d.uniform(0.2, 1.0))
+        m = dust(d, height, d.uniform(0.1, 0.75))
         albedo = mix(albedo, grime, 0.7 * m)
         rough = rough + d.uniform(-0.05, 0.12) * m
     rough = rough + d.uniform(0.0, 0.06) * smudges(d, n)
@@ -47,14 +47,10 @@ def _weather(
 
 def plaster(d: Draw, n: int) -> Surface:
     """Trowelled wall plaster, painted or bare: faint waves, pinholes, hairline cracks, patches."""
-    trowel = spectral(
-        d, n, d.uniform(2.4, 3.2), low=2, stretch=(d.uniform(1, 3), 1), angle=d.uniform(0, math.pi)
-    )
+    trowel = spectral(d, n, d.uniform(2.4, 3.2), low=2, stretch=(d.uniform(1, 3), 1), angle=d.uniform(0, math.pi))
     grain = spectral(d, n, d.uniform(0.4, 1.4), low=d.log_uniform(8, 50))
     height = to_slope(trowel, 1.0) + to_slope(grain, d.uniform(0.2, 1.5))
-    base = (
-        hsv(d, (0.06, 0.15), (0.0, 0.15), (0.6, 0.95)) if d.chance(0.6) else any_colour(d, 0.5, (0.35, 0.9))
-    )
+    base = hsv(d, (0.06, 0.15), (0.0, 0.15), (0.6, 0.95)) if d.chance(0.6) else any_colour(d, 0.5, (0.35, 0.9))
     albedo = base * (1 + 0.03 * cavity(height, 0.03) + 0.015 * grain)
     rough = d.uniform(0.6, 0.9) + 0.02 * grain
     hole = (
@@ -98,9 +94,7 @@ def stucco(d: Draw, n: int) -> Surface:
         strokes = spectral(d, n, 1.2, low=12, stretch=(5, 1), angle=d.uniform(0, math.pi))
         height = torch.sin(d.uniform(5, 12) * field) * 0.5 + strokes
     height = to_slope(height, 1.0) + to_slope(grain, d.uniform(0.1, 0.5))
-    base = (
-        hsv(d, (0.05, 0.14), (0.0, 0.35), (0.5, 0.92)) if d.chance(0.7) else any_colour(d, 0.5, (0.35, 0.9))
-    )
+    base = hsv(d, (0.05, 0.14), (0.0, 0.35), (0.5, 0.92)) if d.chance(0.7) else any_colour(d, 0.5, (0.35, 0.9))
     cav = cavity(height, 0.015)
     albedo = base * (1 + d.uniform(0.03, 0.14) * cav + 0.03 * grain)
     rough = d.uniform(0.6, 0.9) - 0.05 * cav + 0.02 * grain
@@ -189,9 +183,7 @@ def _masonry(
     """Blocks in mortar: ``face`` colours (3,n,n), ``skin`` relief of their faces."""
     gap, profile = _blocks(d, n, t, width, bevel, ragged)
     grit = spectral(d, n, 0.8, low=n / 16)
-    chips = blotches(d, n, d.uniform(0.03, 0.2), low=8, beta=1.4, soft=0.1) * smoothstep(
-        4 * bevel, 0.0, t.edge - width
-    )
+    chips = blotches(d, n, d.uniform(0.03, 0.2), low=8, beta=1.4, soft=0.1) * smoothstep(4 * bevel, 0.0, t.edge - width)
     profile = profile - d.uniform(0.1, 0.5) * chips * (1 - gap)
     tone = 1 + spread * t.per_tile(d.randn(t.count)) + d.uniform(0.02, 0.08) * unit(skin) + 0.03 * grit
     mortar = hsv(d, (0.05, 0.13), (0.0, 0.25), (0.25, 0.8)) * (1 + 0.07 * grit) * (0.9 + 0.2 * clouds(d, n))
@@ -199,11 +191,7 @@ def _masonry(
     albedo = mix(face * tone * (1 + d.uniform(-0.25, 0.15) * rim), mortar, gap)
     albedo = mix(albedo, jitter(d, face.mean((1, 2), keepdim=True), 0.1), 0.4 * chips * (1 - gap))
     z = profile * (1 - gap) + gap * (d.uniform(-0.3, 0.3) * bevel / max(bevel, width))
-    height = (
-        to_slope(z, 1.0)
-        + to_slope(skin, d.uniform(0.1, 0.45)) * (1 - gap)
-        + to_slope(grit, d.uniform(0.05, 0.25))
-    )
+    height = to_slope(z, 1.0) + to_slope(skin, d.uniform(0.1, 0.45)) * (1 - gap) + to_slope(grit, d.uniform(0.05, 0.25))
     level = d.uniform(0.5, 0.82)
     rough = level + d.uniform(0.0, 0.06) * t.per_tile(d.randn(t.count)) + 0.02 * grit - 0.05 * rim
     rough = torch.lerp(rough, d.uniform(0.6, 0.95) + 0.03 * grit, gap)
@@ -275,11 +263,7 @@ def cobbles(d: Draw, n: int) -> Surface:
     side = 1 / math.sqrt(k * ky)
     t = Tiles(c.id, c.dx * side, c.dy * side, c.edge * side, c.count, (0.5 * side, 0.5 * side))
     skin = unit(spectral(d, n, 1.8, low=k) + 0.4 * spectral(d, n, 0.8, low=n / 16))
-    palette = (
-        [_mineral(d) for _ in range(3)]
-        if d.chance(0.4)
-        else [(m := _mineral(d)) * 0.75, m, jitter(d, m, 0.08)]
-    )
+    palette = [_mineral(d) for _ in range(3)] if d.chance(0.4) else [(m := _mineral(d)) * 0.75, m, jitter(d, m, 0.08)]
     face = ramp(t.per_tile(d.rand(t.count)), palette) * (1 + 0.05 * skin)
     s = _masonry(
         d,
@@ -312,9 +296,7 @@ def flagstones(d: Draw, n: int) -> Surface:
     skin = unit(0.6 * unit(riven) + unit(f) + 0.5 * spectral(d, n, 1.4, low=10))
     palette = [m := _mineral(d), jitter(d, m, 0.12), _mineral(d)]
     face = ramp(t.per_tile(d.rand(t.count)) * 0.9 + 0.1 * clouds(d, n, 1.8), palette)
-    return _masonry(
-        d, n, t, face, side * d.uniform(0.02, 0.05), side * d.uniform(0.03, 0.15), side * 0.01, 0.07, skin
-    )
+    return _masonry(d, n, t, face, side * d.uniform(0.02, 0.05), side * d.uniform(0.03, 0.15), side * 0.01, 0.07, skin)
 
 
 def slate(d: Draw, n: int) -> Surface:
@@ -340,13 +322,7 @@ def slate(d: Draw, n: int) -> Surface:
     edge = (torch.remainder(g, 1) < 0.25).float()
     rust = blotches(d, n, d.uniform(0.05, 0.4), low=2, soft=0.6) * (0.4 + 0.6 * blur(edge, 0.004))
     albedo = mix(albedo, hsv(d, (0.04, 0.09), (0.35, 0.65), (0.3, 0.55)), rust * d.uniform(0, 0.8))
-    rough = (
-        d.uniform(0.42, 0.75)
-        + 0.06 * (layer - 0.5)
-        + 0.05 * fine.clamp(-2, 2) * 0.5
-        + 0.12 * rust
-        + 0.02 * grain
-    )
+    rough = d.uniform(0.42, 0.75) + 0.06 * (layer - 0.5) + 0.05 * fine.clamp(-2, 2) * 0.5 + 0.12 * rust + 0.02 * grain
     albedo, rough = _weather(d, n, albedo, rough, height)
     return Surface(albedo, height, rough, d.log_uniform(0.15, 0.55), limit=1.6)
 
@@ -366,9 +342,7 @@ def rock(d: Draw, n: int) -> Surface:
     cav = cavity(height, 0.012)
     base = _mineral(d)
     tint = clouds(d, n, 2.0, low=2)
-    albedo = mix(base, jitter(d, base, 0.12), tint) * (
-        1 + d.uniform(0.1, 0.3) * cav + 0.05 * grain + 0.04 * rough_skin
-    )
+    albedo = mix(base, jitter(d, base, 0.12), tint) * (1 + d.uniform(0.1, 0.3) * cav + 0.05 * grain + 0.04 * rough_skin)
     if d.chance(0.45):
         f = spectral(d, n, 1.5, low=d.uniform(4, 12))
         lichen = mask(f, d.uniform(0.03, 0.25), 0.1)
@@ -381,7 +355,6 @@ def rock(d: Draw, n: int) -> Surface:
 
 def sandstone(d: Draw, n: int) -> Surface:
     """Beds of sand: warm bands, iron rings, wind-worn ledges."""
-    u, v = d.grid(n)
     f = spectral(d, n, 3.2, low=1, high=16, batch=2)
     bands = spectral(d, n, d.uniform(1.8, 2.4), low=2, stretch=(1e3, 1))
     shift = d.uniform(0.02, 0.12) * f[0] + 0.003 * spectral(d, n, 2.0, low=6)
@@ -392,9 +365,7 @@ def sandstone(d: Draw, n: int) -> Surface:
     albedo = ramp(unit_range(t), palette) * (1 + d.uniform(0.02, 0.07) * grain)
     pits = blotches(d, n, d.uniform(0.01, 0.08), low=12, beta=1.4, soft=0.2)
     height = (
-        to_slope(t, d.uniform(0.3, 1.0))
-        + to_slope(grain, d.uniform(0.3, 1.0))
-        - to_slope(blur(pits, 1.2 / n), 0.5)
+        to_slope(t, d.uniform(0.3, 1.0)) + to_slope(grain, d.uniform(0.3, 1.0)) - to_slope(blur(pits, 1.2 / n), 0.5)
     )
     height = height + to_slope(spectral(d, n, 2.4, low=3), d.uniform(0.2, 0.8))
     albedo = albedo * (1 - 0.3 * pits) * (1 + 0.05 * cavity(height, 0.02))
@@ -421,18 +392,14 @@ def roof(d: Draw, n: int) -> Surface:
     skin = spectral(d, n, 1.8, low=4, stretch=(1, d.uniform(1, 6)))
     grain = spectral(d, n, 0.8, low=n / 14)
     base = (
-        hsv(d, (0.02, 0.07), (0.35, 0.7), (0.35, 0.7))
-        if d.chance(0.4)
-        else hsv(d, (0.5, 0.7), (0, 0.2), (0.15, 0.5))
+        hsv(d, (0.02, 0.07), (0.35, 0.7), (0.35, 0.7)) if d.chance(0.4) else hsv(d, (0.5, 0.7), (0, 0.2), (0.15, 0.5))
     )
     face = mix(base, jitter(d, base, 0.15), t.per_tile(d.rand(t.count)))
     shade = 1 - 0.55 * torch.maximum(butt, slot) - 0.25 * smoothstep(-0.7, -1.0, down)
     albedo = face * (1 + 0.07 * t.per_tile(d.randn(t.count)) + 0.06 * skin + 0.03 * grain) * shade
     moss = blotches(d, n, d.uniform(0.01, 0.2), low=5, soft=0.3) * d.uniform(0, 1)
     albedo = mix(albedo, hsv(d, (0.12, 0.27), (0.2, 0.6), (0.3, 0.6)), moss)
-    rough = (
-        d.uniform(0.45, 0.8) + 0.05 * t.per_tile(d.randn(t.count)) + 0.04 * skin + 0.15 * moss + 0.1 * slot
-    )
+    rough = d.uniform(0.45, 0.8) + 0.05 * t.per_tile(d.randn(t.count)) + 0.04 * skin + 0.15 * moss + 0.1 * slot
     height = to_slope(blur(z, 0.8 / n), 1.0) + to_slope(skin, d.uniform(0.1, 0.4)) + to_slope(grain, 0.1)
     return Surface(albedo, height, rough, d.log_uniform(0.2, 0.6), limit=2.0)
 

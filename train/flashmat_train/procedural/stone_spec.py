@@ -1,4 +1,4 @@
-"""Polished stones and glazes: marble, onyx, granite, terrazzo, glazed tiles, mosaics, stone floors, cracked glass-like."""
+"""Polished stones and glazes: marble, onyx, granite, terrazzo, glazed tiles, mosaics, stone floors, ice."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def _polished(d: Draw, n: int, level: float, structure: Tensor) -> Tensor:
 
 
 def _veins(d: Draw, n: int, low: float, thin: float, swirl: float) -> Tensor:
-    """Branching veins in [0, 1]: zero crossings of smooth warped fields, sharp, their strength varying along."""
+    """Branching veins in [0, 1]: zero crossings of smooth warped fields, their strength varying along."""
     f = spectral(d, n, 2.8, low=low, high=16 * low, batch=3)
     lean = d.uniform(0, math.pi)
     g = spectral(d, n, d.uniform(3.2, 4.2), low=low, high=12 * low, stretch=(d.uniform(1, 3), 1), angle=lean)
@@ -66,9 +66,7 @@ def _marble(d: Draw, n: int) -> tuple[Tensor, Tensor]:
     shade = smoothstep(0.2, 1.0, blur(big, 0.02) * 1.6) * d.uniform(0.0, 0.5)
     c = mix(c, mix(base, vein, torch.tensor(0.5, device=d.device)), shade)
     strength = d.uniform(0.3, 0.95)
-    v = torch.maximum(
-        big * blotches(d, n, d.uniform(0.4, 0.9), low=1.5, soft=0.8), d.uniform(0.2, 0.8) * fine
-    )
+    v = torch.maximum(big * blotches(d, n, d.uniform(0.4, 0.9), low=1.5, soft=0.8), d.uniform(0.2, 0.8) * fine)
     return mix(c, vein, strength * v) + 0.008 * grain, v
 
 
@@ -76,9 +74,7 @@ def marble(d: Draw, n: int) -> Surface:
     c, v = _marble(d, n)
     rough = _polished(d, n, _gloss(d), 2 * v - 0.5)
     height = (
-        to_slope(spectral(d, n, 3.4), 1.0)
-        + to_slope(-v, d.uniform(0, 1.0))
-        + to_slope(spectral(d, n, 1.0, low=9), 0.3)
+        to_slope(spectral(d, n, 3.4), 1.0) + to_slope(-v, d.uniform(0, 1.0)) + to_slope(spectral(d, n, 1.0, low=9), 0.3)
     )
     return Surface(c, height, rough, d.log_uniform(0.002, 0.03))
 
@@ -91,9 +87,7 @@ def _onyx(d: Draw, n: int) -> tuple[Tensor, Tensor]:
     phase = v * d.integer(1, 2) + d.uniform(0.05, 0.2) * f + 0.002 * detail
     table = spectral(d, n, d.uniform(0.9, 1.5), low=2, high=d.uniform(25, 60), stretch=(1e3, 1))  # a bar code
     t = unit_range(warp(table, torch.zeros_like(phase), phase - v))
-    first = (
-        hsv(d, (0.04, 0.12), (0.05, 0.6), (0.3, 0.8)) if d.chance(0.7) else any_colour(d, 0.5, (0.15, 0.8))
-    )
+    first = hsv(d, (0.04, 0.12), (0.05, 0.6), (0.3, 0.8)) if d.chance(0.7) else any_colour(d, 0.5, (0.15, 0.8))
     palette = [
         jitter(d, first, 0.2) * 0.6,
         first,
@@ -109,9 +103,7 @@ def onyx(d: Draw, n: int) -> Surface:
     if d.chance(0.5):
         c, t = c.transpose(-1, -2), t.transpose(-1, -2)
     rough = _polished(d, n, _gloss(d) * 0.7, t - 0.5)
-    return Surface(
-        c, to_slope(spectral(d, n, 3.2), 1.0) + to_slope(t, 0.5), rough, d.log_uniform(0.002, 0.02)
-    )
+    return Surface(c, to_slope(spectral(d, n, 3.2), 1.0) + to_slope(t, 0.5), rough, d.log_uniform(0.002, 0.02))
 
 
 def _granite(d: Draw, n: int) -> tuple[Tensor, Tensor]:
@@ -123,9 +115,7 @@ def _granite(d: Draw, n: int) -> tuple[Tensor, Tensor]:
     coarse = worley(d, u + 1.5 * w[1], v + 1.5 * w[0], max(4, k // 2), max(4, k // 2))
     pick = fine.per_cell(d.rand(fine.count))
     feldspar = (
-        hsv(d, (0.0, 0.11), (0.02, 0.4), (0.4, 0.8))
-        if d.chance(0.8)
-        else hsv(d, (0.3, 0.65), (0.05, 0.35), (0.3, 0.6))
+        hsv(d, (0.0, 0.11), (0.02, 0.4), (0.4, 0.8)) if d.chance(0.8) else hsv(d, (0.3, 0.65), (0.05, 0.35), (0.3, 0.6))
     )
     quartz = hsv(d, (0.05, 0.6), (0, 0.08), (0.45, 0.9))
     mica = hsv(d, (0.0, 0.7), (0, 0.2), (0.04, 0.2))
@@ -169,30 +159,20 @@ def _terrazzo(d: Draw, n: int) -> tuple[Tensor, Tensor]:
         inside = torch.full_like(x, 1.0) > 0
         for i in range(4):  # a convex polygon of four to five cuts
             t = q[0] + i * 1.57 + 0.35 * torch.sin(q[1 + i % 3] * (i + 1))
-            inside = inside & (
-                x * torch.cos(t) + y * torch.sin(t) < q[5] * (0.7 + 0.3 * torch.cos(q[1] * (i + 1)))
-            )
+            inside = inside & (x * torch.cos(t) + y * torch.sin(t) < q[5] * (0.7 + 0.3 * torch.cos(q[1] * (i + 1))))
         return torch.where(inside & (x * x + y * y < 1), q[4], -math.inf)
 
     s, p = scatter(d, n, sizes(d, count, low, high, 3.0), p, chip)
     m = s.hit.float()
     tones = d.randn(3, count)
-    first = (
-        hsv(d, (0.03, 0.13), (0.0, 0.4), (0.2, 0.9)) if d.chance(0.75) else any_colour(d, 0.4, (0.25, 0.9))
-    )
+    first = hsv(d, (0.03, 0.13), (0.0, 0.4), (0.2, 0.9)) if d.chance(0.75) else any_colour(d, 0.4, (0.25, 0.9))
     palette = [jitter(d, first, 0.2), jitter(d, first, 0.12), hsv(d, (0, 1), (0, 0.15), (0.1, 0.9))]
     palette.append(hsv(d, (0.05, 0.1), (0, 0.2), (0.7, 0.95)))
     inner = clouds(d, n, 1.6, low=20)
     chips = (
-        ramp(0.5 + 0.3 * s.per_splat(tones[0]), palette)
-        * (1 + 0.08 * s.per_splat(tones[1]))
-        * (0.94 + 0.12 * inner)
+        ramp(0.5 + 0.3 * s.per_splat(tones[0]), palette) * (1 + 0.08 * s.per_splat(tones[1])) * (0.94 + 0.12 * inner)
     )
-    bed = (
-        any_colour(d, 0.35, (0.2, 0.95))
-        * (1 + 0.02 * spectral(d, n, 0.6, low=n / 12))
-        * (0.96 + 0.08 * clouds(d, n))
-    )
+    bed = any_colour(d, 0.35, (0.2, 0.95)) * (1 + 0.02 * spectral(d, n, 0.6, low=n / 12)) * (0.96 + 0.08 * clouds(d, n))
     return mix(bed, chips, m), m
 
 
@@ -241,15 +221,11 @@ def glazed(d: Draw, n: int) -> Surface:
     base = hsv(d, (0.05, 0.6), (0, 0.06), (0.8, 1.0)) if d.chance(0.35) else any_colour(d, 0.85, (0.15, 0.9))
     base = base.expand(3, n, n)
     if d.chance(0.3):
-        base = mix(
-            base, any_colour(d, 0.8, (0.1, 0.95)), (t.per_tile(d.rand(t.count)) < d.uniform(0.1, 0.5)).float()
-        )
+        base = mix(base, any_colour(d, 0.8, (0.1, 0.95)), (t.per_tile(d.rand(t.count)) < d.uniform(0.1, 0.5)).float())
     pool = clouds(d, n, 2.6, low=3)
     tone = 1 + d.uniform(0.0, 0.12) * t.per_tile(d.randn(t.count)) + d.uniform(0, 0.16) * (pool - 0.5)
     c = base * tone * (1 + d.uniform(-0.2, 0.12) * rim)
-    rough = _polished(d, n, d.log_uniform(0.03, 0.2), torch.zeros_like(gap)) + 0.03 * t.per_tile(
-        d.rand(t.count)
-    )
+    rough = _polished(d, n, d.log_uniform(0.03, 0.2), torch.zeros_like(gap)) + 0.03 * t.per_tile(d.rand(t.count))
     wave = spectral(d, n, 3.0, low=1 / small * 0.5)
     height = to_slope(profile, 1.0) + to_slope(wave, d.uniform(0.02, 0.35)) * (1 - gap)
     if d.chance(0.3):
@@ -258,9 +234,7 @@ def glazed(d: Draw, n: int) -> Surface:
         c = c * (1 - d.uniform(0.05, 0.3) * craze)
         rough = rough + 0.1 * craze
     grit = spectral(d, n, 0.8, low=n / 12)
-    cement = hsv(d, (0.06, 0.12), (0.02, 0.2), (0.35, 0.92)) * (
-        1 + 0.05 * grit - d.uniform(0, 0.4) * clouds(d, n)
-    )
+    cement = hsv(d, (0.06, 0.12), (0.02, 0.2), (0.35, 0.92)) * (1 + 0.05 * grit - d.uniform(0, 0.4) * clouds(d, n))
     c = mix(c, cement, gap)
     rough = torch.lerp(rough, d.uniform(0.55, 0.9) + 0.04 * grit, gap)
     if d.chance(0.25):
@@ -290,9 +264,7 @@ def mosaic(d: Draw, n: int) -> Surface:
     tile = tile * (0.9 + 0.2 * clouds(d, n, 2.0, low=k / 2)) * (1 - 0.1 * rim)
     grit = spectral(d, n, 0.8, low=n / 12)
     cement = hsv(d, (0.06, 0.12), (0.0, 0.15), (0.3, 0.9)) * (1 + 0.05 * grit) * (1 - 0.3 * clouds(d, n))
-    rough = _polished(d, n, d.log_uniform(0.05, 0.3), torch.zeros_like(gap)) + 0.06 * t.per_tile(
-        d.rand(t.count)
-    )
+    rough = _polished(d, n, d.log_uniform(0.05, 0.3), torch.zeros_like(gap)) + 0.06 * t.per_tile(d.rand(t.count))
     rough = torch.lerp(rough, d.uniform(0.5, 0.9) + 0.04 * grit, gap)
     height = to_slope(profile, 1.0) + to_slope(grit, 0.2) * gap
     return Surface(mix(tile, cement, gap), height, rough, d.log_uniform(0.06, 0.35), limit=1.8)

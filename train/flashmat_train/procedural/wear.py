@@ -18,9 +18,7 @@ def clouds(d: Draw, n: int, beta: float = 2.4, low: float = 1.0, swirl: float = 
     return uniformise(unit(warp(f[0], swirl * f[1], swirl * f[2])))
 
 
-def blotches(
-    d: Draw, n: int, cover: float, low: float = 2.0, beta: float = 2.2, soft: float = 0.12
-) -> Tensor:
+def blotches(d: Draw, n: int, cover: float, low: float = 2.0, beta: float = 2.2, soft: float = 0.12) -> Tensor:
     """A mask in [0, 1] of ragged patches that cover a share ``cover``."""
     f = spectral(d, n, beta, low=low)
     return mask(f, cover, soft)

@@ -1,4 +1,4 @@
-"""Woods: veneer, planks, parquet, siding, bark, plywood and OSB, varnished boards, MDF, cork, cardboard and paper."""
+"""Woods: veneer, planks, parquet, siding, bark, varnished boards, OSB, MDF, cork, cardboard and paper."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from .wear import blotches, clouds, cracks, dust, mask, scratches, smudges, spec
 
 @dataclass
 class Timber:
-    """A sawn face, grain along u: ring tone, pores, fibre and knots, each about [0, 1] (fibre: unit noise)."""
+    """A sawn face, grain along u: ring tone, pores, fibre and knots, about [0, 1] (fibre: unit noise)."""
 
     ring: Tensor
     pore: Tensor
@@ -29,12 +29,12 @@ class Timber:
 
 
 def _timber(d: Draw, n: int, knots: int, rings: float | None = None, scale: float = 1.0) -> Timber:
-    """Cuts through bent rings: cathedrals where they touch the surface, stripes where they stand; knots push them."""
+    """Cuts through bent rings: loops where they touch the surface, stripes where they stand; knots push them."""
     u, v = d.grid(n)
     long = d.uniform(5, 12) / scale
     f = spectral(d, n, 4.0, low=1, high=d.uniform(4, 10), stretch=(long, 1))
     count = rings if rings is not None else d.log_uniform(3, 18) * scale
-    # A whole number of rings over the tile, so that the stripes meet; the bend makes loops where it outruns them.
+    # A whole number of rings over the tile, so that stripes meet; the bend makes loops where it outruns them.
     slope = max(1.0, round(count))
     field = slope * v + d.uniform(0.5, 2.0) * max(1.0, slope / 5) * f
     field = field + 0.06 * spectral(d, n, 2.2, low=4, high=60, stretch=(10 / scale, 1))
@@ -91,17 +91,8 @@ def _face(
     c = c * (1 - d.uniform(0.03, 0.28) * w.pore)
     c = mix(c, late * d.uniform(0.3, 0.6), (w.knot * 0.85).clamp(0, 1))
     open_grain = d.uniform(0.0, 1.0)
-    relief = (
-        to_slope(w.fibre, 0.6)
-        - open_grain * to_slope(w.pore, 1.0)
-        + d.uniform(-0.5, 0.8) * to_slope(w.ring, 0.6)
-    )
-    rough = (
-        0.025 * w.fibre
-        + d.uniform(-0.02, 0.1) * w.pore
-        + d.uniform(-0.08, 0.06) * (w.ring - 0.4)
-        - 0.05 * w.knot
-    )
+    relief = to_slope(w.fibre, 0.6) - open_grain * to_slope(w.pore, 1.0) + d.uniform(-0.5, 0.8) * to_slope(w.ring, 0.6)
+    rough = 0.025 * w.fibre + d.uniform(-0.02, 0.1) * w.pore + d.uniform(-0.08, 0.06) * (w.ring - 0.4) - 0.05 * w.knot
     return c, relief, rough
 
 
@@ -119,14 +110,12 @@ def veneer(d: Draw, n: int) -> Surface:
 
 def _maybe_turned(d: Draw, s: Surface, chance: float = 0.4) -> Surface:
     if d.chance(chance):
-        s.albedo, s.height, s.roughness = (
-            t.transpose(-1, -2).contiguous() for t in (s.albedo, s.height, s.roughness)
-        )
+        s.albedo, s.height, s.roughness = (t.transpose(-1, -2).contiguous() for t in (s.albedo, s.height, s.roughness))
     return s
 
 
 def _laid(d: Draw, n: int, t: Tiles, w: Timber, scale: float) -> Timber:
-    """The timber as cut into the pieces of a tiling: every piece from another place, grain along its length."""
+    """The timber cut into the pieces of a tiling: each from another place, grain along its length."""
     along = t.dx if t.turned is None else torch.where(t.turned, t.dy, t.dx)
     across = t.dy if t.turned is None else torch.where(t.turned, t.dx, t.dy)
     place = d.rand(2, t.count)
@@ -137,10 +126,7 @@ def _laid(d: Draw, n: int, t: Tiles, w: Timber, scale: float) -> Timber:
     return Timber(cut[0], cut[1], cut[2], cut[3])
 
 
-def _boards(
-    d: Draw, n: int, t: Tiles, scale: float, knots: int, width: float, bevel: float, spread: float
-) -> Surface:
-    u, v = d.grid(n)
+def _boards(d: Draw, n: int, t: Tiles, scale: float, knots: int, width: float, bevel: float, spread: float) -> Surface:
     w = _laid(d, n, t, _timber(d, n, knots, scale=scale if scale < 1 else 1.0), scale)
     early, late = _species(d)
     c, relief, rough = _face(d, n, w, early, late, d.uniform(0.5, 1.0))
@@ -155,16 +141,8 @@ def _boards(
     cup = t.per_tile(d.randn(t.count)) * t.dy + 0.5 * t.per_tile(d.randn(t.count)) * t.dx
     rim = torch.exp(-(edge - width).clamp_min(0) / bevel)
     c = c * (1 - d.uniform(0.0, 0.3) * rim) * (1 - d.uniform(0.5, 0.85) * gap)
-    rough = (
-        d.uniform(0.33, 0.72)
-        + rough
-        + d.uniform(0.0, 0.04) * tone
-        + d.uniform(-0.03, 0.12) * rim
-        + 0.15 * gap
-    )
-    height = to_slope(profile - 0.5 * gap + d.uniform(0, 1.5) * cup, 1.0) + to_slope(
-        relief, d.uniform(0.1, 0.8)
-    )
+    rough = d.uniform(0.33, 0.72) + rough + d.uniform(0.0, 0.04) * tone + d.uniform(-0.03, 0.12) * rim + 0.15 * gap
+    height = to_slope(profile - 0.5 * gap + d.uniform(0, 1.5) * cup, 1.0) + to_slope(relief, d.uniform(0.1, 0.8))
     s = Surface(c, height, rough, d.log_uniform(0.03, 0.3), limit=1.8)
     _use(d, n, s)
     return s
@@ -292,12 +270,8 @@ def bark(d: Draw, n: int) -> Surface:
     cav = cavity(height, 0.015)
     deep = hsv(d, (0.03, 0.09), (0.2, 0.5), (0.12, 0.3))
     crust = hsv(d, (0.04, 0.12), (0.03, 0.35), (0.38, 0.7))
-    c0 = ramp(
-        0.2 + 0.75 * relief + 0.1 * cav, [deep, mix(deep, crust, torch.tensor(0.6, device=d.device)), crust]
-    )
-    albedo = c0 * (
-        1 + 0.06 * grain + 0.1 * (clouds(d, n, 2.0, low=3) - 0.5) + 0.07 * c.per_cell(d.randn(c.count))
-    )
+    c0 = ramp(0.2 + 0.75 * relief + 0.1 * cav, [deep, mix(deep, crust, torch.tensor(0.6, device=d.device)), crust])
+    albedo = c0 * (1 + 0.06 * grain + 0.1 * (clouds(d, n, 2.0, low=3) - 0.5) + 0.07 * c.per_cell(d.randn(c.count)))
     rough = d.uniform(0.55, 0.9) - d.uniform(-0.1, 0.15) * (relief - 0.5) + 0.03 * grain
     if d.chance(0.55):
         field = spectral(d, n, 1.7, low=d.uniform(3, 9))
@@ -344,9 +318,7 @@ def sheet_board(d: Draw, n: int) -> Surface:
         c, s = torch.cos(q[0]), torch.sin(q[0])
         a, b = c * x + s * y, (c * y - s * x) * q[1]
         inside = (
-            torch.maximum(
-                a.abs() + 0.12 * torch.sin(5 * b + 6 * q[3]), b.abs() + 0.1 * torch.sin(4 * a + 5 * q[4])
-            )
+            torch.maximum(a.abs() + 0.12 * torch.sin(5 * b + 6 * q[3]), b.abs() + 0.1 * torch.sin(4 * a + 5 * q[4]))
             < 0.8
         )
         return torch.where(inside, q[2] + 0.12 * q[3] * a + 0.1 * q[4] * b, -math.inf)
@@ -370,12 +342,7 @@ def sheet_board(d: Draw, n: int) -> Surface:
     dark = (s.per_splat(d.rand(count)) < 0.06).float()
     albedo = albedo * (1 - 0.45 * dark)
     height = to_slope(blur(z, 0.0008), 1.0) + to_slope(fibre, d.uniform(0.2, 0.8))
-    rough = (
-        d.uniform(0.45, 0.75)
-        + d.uniform(0.02, 0.08) * s.per_splat(d.randn(count))
-        + 0.03 * fibre
-        + 0.08 * edge
-    )
+    rough = d.uniform(0.45, 0.75) + d.uniform(0.02, 0.08) * s.per_splat(d.randn(count)) + 0.03 * fibre + 0.08 * edge
     return Surface(albedo, height, rough, d.log_uniform(0.03, 0.2), limit=1.5)
 
 
@@ -385,9 +352,7 @@ def fibreboard(d: Draw, n: int) -> Surface:
     fine = spectral(d, n, 0.6, low=n / 10)
     mottle = spectral(d, n, 1.6, low=10)
     dots = specks(d, n, d.uniform(0.01, 0.05), n / 5)
-    albedo = base * (
-        1 + d.uniform(0.01, 0.04) * fine + d.uniform(0.01, 0.04) * mottle - d.uniform(0.0, 0.2) * dots
-    )
+    albedo = base * (1 + d.uniform(0.01, 0.04) * fine + d.uniform(0.01, 0.04) * mottle - d.uniform(0.0, 0.2) * dots)
     albedo = albedo * (1 + d.uniform(0.0, 0.08) * (clouds(d, n) - 0.5))
     rough = d.uniform(0.35, 0.75) + 0.015 * fine + 0.02 * mottle + d.uniform(0, 0.06) * smudges(d, n)
     height = to_slope(fine, 1.0) + to_slope(mottle, d.uniform(0.2, 1.0))
@@ -418,11 +383,7 @@ def card(d: Draw, n: int) -> Surface:
     """Cardboard and paper: fluting showing through, fibres, creases."""
     u, v = d.grid(n)
     paper = d.chance(0.4)
-    base = (
-        hsv(d, (0.07, 0.13), (0.0, 0.1), (0.8, 0.96))
-        if paper
-        else hsv(d, (0.07, 0.1), (0.28, 0.5), (0.5, 0.75))
-    )
+    base = hsv(d, (0.07, 0.13), (0.0, 0.1), (0.8, 0.96)) if paper else hsv(d, (0.07, 0.1), (0.28, 0.5), (0.5, 0.75))
     tooth = spectral(d, n, d.uniform(0.6, 1.6), low=n / 20)
     fibre = spectral(d, n, 1.0, low=12, stretch=(6, 1), angle=d.uniform(0, math.pi))
     height = to_slope(tooth, 1.0) + to_slope(spectral(d, n, 3.0, low=1), 0.4)
