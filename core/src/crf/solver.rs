@@ -1,0 +1,205 @@
+//! Conjugate gradients with the diagonal as preconditioner, for several right-hand sides at once.
+//!
+//! Sums run row by row in a fixed order, so the result does not depend on the executor. Vectors hold `channels` planes
+//! one after the other; every channel has its own step sizes and stops on its own.
+use crate::Error;
+use crate::exec::{Executor, Plane, ROWS_PER_BLOCK, for_each_row_block};
+
+/// Most channels solved at once.
+pub const MAX_CHANNELS: usize = 3;
+
+/// A symmetric positive definite matrix over the pixels of a square image, the same for every channel.
+pub trait Operator {
+    /// Pixels per side.
+    fn size(&self) -> usize;
+    /// `out` = A `x`, plane by plane.
+    fn apply(&mut self, x: &[f32], out: &mut [f32], exec: &dyn Executor);
+    /// The diagonal of A, or something near it: positive, one plane.
+    fn diagonal(&self) -> &[f32];
+}
+
+/// When to stop.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Options {
+    /// The residual (see [`Report`]) that is good enough.
+    pub tolerance: f32,
+    /// Steps after which to stop all the same.
+    pub max_iterations: usize,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self { tolerance: 2e-4, max_iterations: 50 }
+    }
+}
+
+/// What a solver did.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Report {
+    /// Steps taken.
+    pub iterations: usize,
+    /// |A x - b| / |b| with |v|² = v^T diag(A)^-1 v, the largest of the channels': pixels with little say of their own
+    /// count as much as others.
+    pub residual: f32,
+}
+
+/// Values of working memory that [`solve`] needs for each value of the unknown.
+pub const VECTORS: usize = 3;
+
+/// Improves `x` until A `x` = `rhs` within the tolerance. `vectors` is working memory, [`VECTORS`] times as long.
+///
+/// A start that already is a solution comes back bit for bit, with 0 iterations.
+///
+/// # Errors
+/// [`Error::PlaneLength`] when `rhs` or `x` are not 1 to [`MAX_CHANNELS`] planes, [`Error::CrfInput`] when the start's
+/// residual is not finite.
+pub fn solve(
+    operator: &mut dyn Operator,
+    rhs: &[f32],
+    x: &mut [f32],
+    options: &Options,
+    exec: &dyn Executor,
+    vectors: &mut [f32],
+) -> Result<Report, Error> {
+    let size = operator.size();
+    let n2 = size.saturating_mul(size);
+    let channels = x.len().checked_div(n2).unwrap_or(0);
+    if channels == 0 || channels > MAX_CHANNELS || x.len() != channels * n2 || operator.diagonal().len() != n2
+    {
+        return Err(Error::PlaneLength { needed: n2, given: x.len() });
+    }
+    if rhs.len() != x.len() {
+        return Err(Error::PlaneLength { needed: x.len(), given: rhs.len() });
+    }
+    let mut parts = vectors.chunks_exact_mut(x.len());
+    let (Some(r), Some(p), Some(q)) = (parts.next(), parts.next(), parts.next()) else {
+        return Err(Error::PlaneLength { needed: VECTORS * x.len(), given: vectors.len() });
+    };
+
+    operator.apply(x, q, exec);
+    for ((r, &b), &q) in r.iter_mut().zip(rhs).zip(&*q) {
+        *r = b - q;
+    }
+    let mut state = [Channel::default(); MAX_CHANNELS];
+    for (channel, (r, b)) in state.iter_mut().zip(r.chunks_exact(n2).zip(rhs.chunks_exact(n2))) {
+        channel.rhs = weighted_square(b, operator.diagonal(), size);
+        channel.residual = weighted_square(r, operator.diagonal(), size);
+        if !channel.residual.is_finite() || !channel.rhs.is_finite() {
+            return Err(Error::CrfInput);
+        }
+    }
+    let mut iterations = 0;
+    while iterations < options.max_iterations && state.iter().any(|c| c.active(options)) {
+        for (channel, (r, p)) in state.iter_mut().zip(r.chunks_exact(n2).zip(p.chunks_exact_mut(n2))) {
+            if channel.active(options) {
+                let beta = if iterations == 0 { 0.0 } else { (channel.residual / channel.before) as f32 };
+                direction(r, operator.diagonal(), beta, p, size, exec);
+            } else {
+                p.fill(0.0);
+            }
+        }
+        operator.apply(p, q, exec);
+        let planes = p.chunks_exact(n2).zip(q.chunks_exact(n2));
+        let unknowns = x.chunks_exact_mut(n2).zip(r.chunks_exact_mut(n2));
+        for (channel, ((p, q), (x, r))) in state.iter_mut().zip(planes.zip(unknowns)) {
+            if !channel.active(options) {
+                continue;
+            }
+            let curvature = dot(p, q, size);
+            let step = (channel.residual / curvature) as f32;
+            // Rounding alone can bring this about; the channel's best solution so far stands.
+            if curvature.is_nan() || curvature <= 0.0 || !step.is_finite() {
+                channel.stuck = true;
+                continue;
+            }
+            advance(step, p, q, x, r, size, exec);
+            channel.before = channel.residual;
+            channel.residual = weighted_square(r, operator.diagonal(), size);
+        }
+        iterations += 1;
+    }
+    let residual = state.iter().map(Channel::relative).fold(0.0, f64::max);
+    Ok(Report { iterations, residual: residual as f32 })
+}
+
+#[derive(Clone, Copy, Debug, Default)]
+struct Channel {
+    /// Squares of the norms of the right-hand side and the residual, and of the residual one step before.
+    rhs: f64,
+    residual: f64,
+    before: f64,
+    stuck: bool,
+}
+
+impl Channel {
+    fn active(&self, options: &Options) -> bool {
+        let tolerance = f64::from(options.tolerance);
+        !self.stuck && self.residual > tolerance * tolerance * self.rhs
+    }
+
+    fn relative(&self) -> f64 {
+        if self.residual > 0.0 {
+            f64::from(crate::math::sqrtf((self.residual / self.rhs) as f32))
+        } else {
+            0.0
+        }
+    }
+}
+
+/// p = r / diagonal + beta p.
+fn direction(r: &[f32], diagonal: &[f32], beta: f32, p: &mut [f32], size: usize, exec: &dyn Executor) {
+    for_each_row_block(exec, size, ROWS_PER_BLOCK, Plane::new(p, size), &|rows, mut block| {
+        let (r, d) = (tail(r, rows.start * size), tail(diagonal, rows.start * size));
+        for ((p, r), d) in block.values().iter_mut().zip(r).zip(d) {
+            // The first direction must not meet what the workspace held.
+            *p = if beta == 0.0 { r / d } else { r / d + beta * *p };
+        }
+    });
+}
+
+/// x += step p, r -= step q.
+fn advance(step: f32, p: &[f32], q: &[f32], x: &mut [f32], r: &mut [f32], size: usize, exec: &dyn Executor) {
+    let out = (Plane::new(x, size), Plane::new(r, size));
+    for_each_row_block(exec, size, ROWS_PER_BLOCK, out, &|rows, (mut x, mut r)| {
+        let (p, q) = (tail(p, rows.start * size), tail(q, rows.start * size));
+        x.values().iter_mut().zip(p).for_each(|(x, p)| *x += step * p);
+        r.values().iter_mut().zip(q).for_each(|(r, q)| *r -= step * q);
+    });
+}
+
+/// The plane from `at` on; empty past its end.
+pub(super) fn tail(plane: &[f32], at: usize) -> &[f32] {
+    plane.get(at..).unwrap_or(&[])
+}
+
+const LANES: usize = 16;
+
+/// a^T b: rows of `width` values in [`LANES`] running f32 sums each, rows added up in f64.
+#[must_use]
+pub(super) fn dot(a: &[f32], b: &[f32], width: usize) -> f64 {
+    rows_sum(a, b, width, |a, b| a * b)
+}
+
+/// r^T diagonal^-1 r.
+fn weighted_square(r: &[f32], diagonal: &[f32], width: usize) -> f64 {
+    rows_sum(r, diagonal, width, |r, d| r * r / d)
+}
+
+#[inline(always)]
+fn rows_sum(a: &[f32], b: &[f32], width: usize, term: impl Fn(f32, f32) -> f32) -> f64 {
+    let mut total = 0.0_f64;
+    for (a, b) in a.chunks(width.max(1)).zip(b.chunks(width.max(1))) {
+        let mut sums = [0.0_f32; LANES];
+        for (a, b) in a.chunks(LANES).zip(b.chunks(LANES)) {
+            for ((sum, &a), &b) in sums.iter_mut().zip(a).zip(b) {
+                *sum += term(a, b);
+            }
+        }
+        let mut row = 0.0_f32;
+        for sum in sums {
+            row += sum;
+        }
+        total += f64::from(row);
+    }
+    total
+}

@@ -1,0 +1,148 @@
+//! The matrix of a CRF: A = diag(a) + b_1 L_1 + the graph of the bilateral kernels, see the [module](super).
+use super::pairs::{Kernel, MAX_KERNELS, Pairs};
+use super::pattern::{SAMPLES, pattern};
+use super::separable::Spatial;
+use super::solver::{Operator, tail};
+use crate::Error;
+use crate::arena::{Arena, bytes_for};
+use crate::exec::{Executor, ROWS_PER_BLOCK, for_each_row_block, planes3};
+
+/// Sigma of a position kernel, position in [-1,1]: `sigma` in units of p to pixels.
+#[must_use]
+pub fn pixels(sigma: f32, size: usize) -> f32 {
+    sigma * 0.5 * size as f32
+}
+
+/// Widths and weights of a CRF's kernels. Weights are those of the energy; A holds twice them, because the energy
+/// sums over ordered pairs.
+#[derive(Clone, Copy, Debug)]
+pub struct Kernels<'f> {
+    /// Sigma of kappa_1 in units of p, and its weight.
+    pub spatial: (f32, f32),
+    /// Sigma of the positions in the bilateral kernels.
+    pub sigma: f32,
+    /// The bilateral kernels; unused ones have weight 0.
+    pub bilateral: [Kernel<'f>; MAX_KERNELS],
+}
+
+/// The matrix A.
+#[derive(Debug)]
+pub struct System<'a> {
+    size: usize,
+    unary: &'a [f32],
+    diagonal: &'a mut [f32],
+    spatial: Option<Spatial<'a>>,
+    pairs: Option<Pairs<'a>>,
+}
+
+impl<'a> System<'a> {
+    /// Bytes that [`System::new`] takes, the most that it needs while it runs included.
+    #[must_use]
+    pub fn bytes(size: usize, spatial_sigma: f32, sigma: f32) -> usize {
+        let offsets = pattern(pixels(sigma, size), SAMPLES).len();
+        bytes_for::<f32>(size.saturating_mul(size))
+            .saturating_add(Spatial::bytes(size, pixels(spatial_sigma, size)))
+            .saturating_add(Pairs::bytes(size, offsets))
+            .saturating_add(Pairs::build_bytes(size))
+    }
+
+    /// The matrix with the unary weights `unary` (one plane, each >= 0) and the kernels. Kernels of weight 0 cost
+    /// nothing.
+    ///
+    /// # Errors
+    /// [`Error::PlaneLength`], [`Error::WorkspaceTooSmall`].
+    pub fn new(
+        size: usize,
+        unary: &'a [f32],
+        kernels: &Kernels<'_>,
+        exec: &dyn Executor,
+        arena: &mut Arena<'a>,
+    ) -> Result<Self, Error> {
+        crate::maps::check_planes(size, 1, unary.len())?;
+        let diagonal = arena.take::<f32>(unary.len())?;
+        diagonal.copy_from_slice(unary);
+        let (sigma, weight) = kernels.spatial;
+        let spatial = if weight > 0.0 {
+            let spatial = Spatial::new(size, pixels(sigma, size), 2.0 * weight, exec, arena)?;
+            spatial.add_row_sums(diagonal);
+            Some(spatial)
+        } else {
+            None
+        };
+        // Only the used kernels, first ones first.
+        let used = |k: &Kernel<'_>| k.weight > 0.0;
+        let doubled = kernels.bilateral.map(|k| Kernel { weight: 2.0 * k.weight, ..k });
+        let [first, second] = &doubled;
+        let list: &[Kernel<'_>] = match (used(first), used(second)) {
+            (true, true) => &doubled,
+            (true, false) => core::slice::from_ref(first),
+            (false, true) => core::slice::from_ref(second),
+            (false, false) => &[],
+        };
+        let pairs = if list.is_empty() {
+            None
+        } else {
+            let pattern = pattern(pixels(kernels.sigma, size), SAMPLES);
+            let pairs = Pairs::build(size, pattern, list, exec, arena)?;
+            pairs.add_row_sums(diagonal, exec);
+            Some(pairs)
+        };
+        Ok(Self { size, unary, diagonal, spatial, pairs })
+    }
+
+    /// Whether any kernel has weight: without, A is diagonal.
+    #[must_use]
+    pub fn has_pairwise(&self) -> bool {
+        self.spatial.is_some() || self.pairs.is_some()
+    }
+
+    /// a^T (A - diag) b for one plane each: the pairwise part as a bilinear form. `scratch` is one plane.
+    #[must_use]
+    pub fn pairwise_form(&mut self, a: &[f32], b: &[f32], scratch: &mut [f32], exec: &dyn Executor) -> f64 {
+        let spatial = self.spatial.as_mut().map_or(0.0, |s| s.form(a, b, scratch, exec));
+        spatial + self.pairs.as_ref().map_or(0.0, |p| p.form(a, b))
+    }
+}
+
+impl Operator for System<'_> {
+    fn size(&self) -> usize {
+        self.size
+    }
+
+    fn diagonal(&self) -> &[f32] {
+        self.diagonal
+    }
+
+    fn apply(&mut self, x: &[f32], out: &mut [f32], exec: &dyn Executor) {
+        let (size, n2) = (self.size, self.size * self.size);
+        let (unary, pairs) = (self.unary, self.pairs.as_ref());
+        let plane = |c: usize| x.get(c * n2..(c + 1) * n2).unwrap_or(&[]);
+        let planes = [plane(0), plane(1), plane(2)];
+        let blocks = planes3(&mut *out, size, size);
+        for_each_row_block(exec, size, ROWS_PER_BLOCK, blocks, &|rows, mut block| {
+            let [first, second, third] = &mut block;
+            let (mut second, mut third) = (second.rows(), third.rows());
+            for (y, first) in rows.zip(first.rows()) {
+                let mut three = [first, second.next().unwrap_or(&mut []), third.next().unwrap_or(&mut [])];
+                for (out, plane) in three.iter_mut().zip(&planes) {
+                    let row = tail(plane, y * size).iter().zip(tail(unary, y * size));
+                    out.iter_mut().zip(row).for_each(|(out, (x, a))| *out = a * x);
+                }
+                let Some(pairs) = pairs else { continue };
+                let [first, second, third] = three;
+                if second.is_empty() {
+                    pairs.add_laplacian_row(y, [planes[0]], [first]);
+                } else if third.is_empty() {
+                    pairs.add_laplacian_row(y, [planes[0], planes[1]], [first, second]);
+                } else {
+                    pairs.add_laplacian_row(y, planes, [first, second, third]);
+                }
+            }
+        });
+        if let Some(spatial) = &mut self.spatial {
+            for (x, out) in x.chunks_exact(n2).zip(out.chunks_exact_mut(n2)) {
+                spatial.add_laplacian(x, out, exec);
+            }
+        }
+    }
+}
