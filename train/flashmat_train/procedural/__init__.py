@@ -11,7 +11,7 @@ import torch
 
 from . import fabric, ground, leather, metal, polymer, stone_diff, stone_spec, wood
 from .noise import Draw
-from .structure import Material, Surface, couple, finish
+from .structure import Material, Surface, finish, season
 
 __all__ = ["CLASSES", "FAMILIES", "WEIGHTS", "Material", "generate"]
 
@@ -46,7 +46,7 @@ WEIGHTS: dict[str, float] = {
     "stone-spec/ice": 0.5,
     "wood/veneer": 2,
     "wood/planks": 2,
-    "wood/bark": 1.5,
+    "wood/bark": 2.5,
     "fabric/plain_weave": 2,
     "fabric/twill": 2,
     "leather/pebbled": 2,
@@ -78,4 +78,4 @@ def generate(
     if key not in families:
         raise ValueError(f"no family {key!r} of {name}; families: {', '.join(families)}")
     with torch.no_grad():
-        return finish(couple(d, families[key](d, size), name), CLASSES.index(name), key)
+        return finish(season(d, families[key](d, size), name), CLASSES.index(name), key)

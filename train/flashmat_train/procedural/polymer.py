@@ -69,7 +69,7 @@ def grained(d: Draw, n: int) -> Surface:
     top = unit_range(blur(height, 1.0 / n))
     albedo = albedo * (1 + d.uniform(-0.06, 0.08) * (top - 0.5)) + 0.004 * fine
     rough = rough - d.uniform(-0.08, 0.14) * (top - 0.5) + 0.01 * fine
-    return Surface(albedo, height, rough, d.log_uniform(0.02, 0.25), limit=1.6)
+    return Surface(albedo, height, rough, d.log_uniform(0.01, 0.2), limit=1.6)
 
 
 def rubber(d: Draw, n: int) -> Surface:
@@ -239,7 +239,7 @@ def film(d: Draw, n: int) -> Surface:
     white = smoothstep(0.7, 1.0, crease)
     albedo = albedo * (1 + 0.05 * woven * scrim) + d.uniform(0.0, 0.12) * white
     rough = rough + d.uniform(0.0, 0.2) * white + 0.03 * woven * scrim
-    return Surface(albedo, height, rough, d.log_uniform(0.05, 0.35), limit=1.6)
+    return Surface(albedo, height, rough, d.log_uniform(0.05, 0.3), limit=1.6)
 
 
 FAMILIES = {

@@ -196,7 +196,7 @@ def _masonry(
     rough = level + d.uniform(0.0, 0.06) * t.per_tile(d.randn(t.count)) + 0.02 * grit - 0.05 * rim
     rough = torch.lerp(rough, d.uniform(0.6, 0.95) + 0.03 * grit, gap)
     albedo, rough = _weather(d, n, albedo, rough, z)
-    return Surface(albedo, height, rough, d.log_uniform(0.12, 0.5), limit=1.8)
+    return Surface(albedo, height, rough, d.log_uniform(0.12, 0.65), limit=2.0)
 
 
 def brick(d: Draw, n: int) -> Surface:

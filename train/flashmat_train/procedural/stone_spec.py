@@ -15,13 +15,13 @@ from .wear import blotches, clouds, cracks, scratches, smudges, specks
 
 
 def _gloss(d: Draw) -> float:
-    return d.log_uniform(0.03, 0.3)
+    return d.log_uniform(0.02, 0.25)
 
 
 def _polished(d: Draw, n: int, level: float, structure: Tensor) -> Tensor:
     """Roughness of a polish: the stone's own structure shows faintly, wiping and grit more."""
     rough = level * (1 + d.uniform(-0.4, 0.5) * structure + d.uniform(0.05, 0.5) * smudges(d, n))
-    rough = rough + d.uniform(0.0, 0.08) * clouds(d, n, 2.4)
+    rough = rough + d.uniform(0.0, 0.05) * clouds(d, n, 2.4)
     if d.chance(0.4):
         rough = rough + d.uniform(0.03, 0.2) * scratches(d, n, d.integer(10, 120), (0.03, 0.4), 0.8)
     if d.chance(0.3):
@@ -44,13 +44,13 @@ def _veins(d: Draw, n: int, low: float, thin: float, swirl: float) -> Tensor:
 def _marble(d: Draw, n: int) -> tuple[Tensor, Tensor]:
     """sRGB colour and a structure field in [0, 1] (1 = vein)."""
     pick = d.uniform()
-    if pick < 0.45:  # white to grey
+    if pick < 0.55:  # white to grey
         base = hsv(d, (0.05, 0.65), (0.0, 0.06), (0.75, 0.97))
         vein = hsv(d, (0.05, 0.65), (0.0, 0.15), (0.3, 0.65))
-    elif pick < 0.65:  # black with pale veins
+    elif pick < 0.7:  # black with pale veins
         base = hsv(d, (0, 1), (0, 0.2), (0.03, 0.14))
         vein = hsv(d, (0.06, 0.14), (0, 0.3), (0.4, 0.85))
-    elif pick < 0.85:  # beige, brown
+    elif pick < 0.9:  # beige, brown
         base = hsv(d, (0.05, 0.11), (0.1, 0.35), (0.5, 0.85))
         vein = hsv(d, (0.03, 0.1), (0.2, 0.6), (0.3, 0.6))
     else:  # green, red, blue
@@ -225,7 +225,7 @@ def glazed(d: Draw, n: int) -> Surface:
     pool = clouds(d, n, 2.6, low=3)
     tone = 1 + d.uniform(0.0, 0.12) * t.per_tile(d.randn(t.count)) + d.uniform(0, 0.16) * (pool - 0.5)
     c = base * tone * (1 + d.uniform(-0.2, 0.12) * rim)
-    rough = _polished(d, n, d.log_uniform(0.03, 0.2), torch.zeros_like(gap)) + 0.03 * t.per_tile(d.rand(t.count))
+    rough = _polished(d, n, d.log_uniform(0.02, 0.16), torch.zeros_like(gap)) + 0.03 * t.per_tile(d.rand(t.count))
     wave = spectral(d, n, 3.0, low=1 / small * 0.5)
     height = to_slope(profile, 1.0) + to_slope(wave, d.uniform(0.02, 0.35)) * (1 - gap)
     if d.chance(0.3):
@@ -243,7 +243,7 @@ def glazed(d: Draw, n: int) -> Surface:
         rough = torch.lerp(rough, torch.full_like(rough, 0.7), chip)
         height = height - 0.004 * chip
     height = height + to_slope(grit, 0.3) * gap
-    return Surface(c, height, rough, d.log_uniform(0.03, 0.35), limit=1.8)
+    return Surface(c, height, rough, d.log_uniform(0.05, 0.6), limit=2.5)
 
 
 def mosaic(d: Draw, n: int) -> Surface:
@@ -267,7 +267,7 @@ def mosaic(d: Draw, n: int) -> Surface:
     rough = _polished(d, n, d.log_uniform(0.05, 0.3), torch.zeros_like(gap)) + 0.06 * t.per_tile(d.rand(t.count))
     rough = torch.lerp(rough, d.uniform(0.5, 0.9) + 0.04 * grit, gap)
     height = to_slope(profile, 1.0) + to_slope(grit, 0.2) * gap
-    return Surface(mix(tile, cement, gap), height, rough, d.log_uniform(0.06, 0.35), limit=1.8)
+    return Surface(mix(tile, cement, gap), height, rough, d.log_uniform(0.1, 0.6), limit=2.2)
 
 
 def floor(d: Draw, n: int) -> Surface:
@@ -294,7 +294,7 @@ def floor(d: Draw, n: int) -> Surface:
     rough = _polished(d, n, _gloss(d), g - 0.5) + d.uniform(0, 0.06) * t.per_tile(d.rand(t.count))
     rough = torch.lerp(rough, torch.full_like(rough, d.uniform(0.4, 0.85)), gap)
     height = to_slope(profile, 1.0) + to_slope(spectral(d, n, 3.2), d.uniform(0.02, 0.2))
-    return Surface(mix(c, joint, gap), height, rough, d.log_uniform(0.01, 0.15), limit=1.8)
+    return Surface(mix(c, joint, gap), height, rough, d.log_uniform(0.01, 0.3), limit=2.2)
 
 
 def ice(d: Draw, n: int) -> Surface:

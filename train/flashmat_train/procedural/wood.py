@@ -143,7 +143,7 @@ def _boards(d: Draw, n: int, t: Tiles, scale: float, knots: int, width: float, b
     c = c * (1 - d.uniform(0.0, 0.3) * rim) * (1 - d.uniform(0.5, 0.85) * gap)
     rough = d.uniform(0.33, 0.72) + rough + d.uniform(0.0, 0.04) * tone + d.uniform(-0.03, 0.12) * rim + 0.15 * gap
     height = to_slope(profile - 0.5 * gap + d.uniform(0, 1.5) * cup, 1.0) + to_slope(relief, d.uniform(0.1, 0.8))
-    s = Surface(c, height, rough, d.log_uniform(0.03, 0.3), limit=1.8)
+    s = Surface(c, height, rough, d.log_uniform(0.03, 0.4), limit=2.2)
     _use(d, n, s)
     return s
 
@@ -244,7 +244,7 @@ def siding(d: Draw, n: int) -> Surface:
     c = c * (1 + 0.06 * t.per_tile(d.randn(t.count))) * (1 - d.uniform(0.5, 0.8) * gap) * (1 - 0.5 * split)
     z = blur(step - d.uniform(0.5, 1.3) * gap, 0.8 / n)
     height = to_slope(z, 1.0) + to_slope(relief, d.uniform(0.15, 0.7)) - 0.004 * split
-    s = Surface(c, height, rough + 0.1 * gap, d.log_uniform(0.12, 0.6), limit=2.2)
+    s = Surface(c, height, rough + 0.1 * gap, d.log_uniform(0.15, 0.9), limit=2.5)
     _use(d, n, s)
     return _maybe_turned(d, s)
 
@@ -281,7 +281,7 @@ def bark(d: Draw, n: int) -> Surface:
         albedo = mix(albedo, green * (1 + 0.15 * tuft), m * d.uniform(0.4, 1.0))
         height = height + 0.003 * m + m * to_slope(tuft, 0.3)
         rough = rough + 0.05 * m
-    return _maybe_turned(d, Surface(albedo, height, rough, d.log_uniform(0.3, 0.8), limit=1.6), 0.15)
+    return _maybe_turned(d, Surface(albedo, height, rough, d.log_uniform(0.5, 1.4), limit=2.0), 0.15)
 
 
 def varnished(d: Draw, n: int) -> Surface:
