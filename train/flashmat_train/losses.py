@@ -22,9 +22,9 @@ class LossWeights:
 
     albedo: float = 1.0
     albedo_l1: float = 0.25  # L1 on gamma-encoded albedo: dark materials count as the eye sees them
-    normal: float = 1.0
+    normal: float = 4.0
     roughness: float = 0.5
-    render: float = 0.5
+    render: float = 2.0
     cls: float = 0.03
 
 
