@@ -15,7 +15,7 @@ from .wear import blotches, clouds, cracks, specks
 
 def _earth(d: Draw) -> Tensor:
     """Soils from grey-brown to ochre and red-brown."""
-    return hsv(d, (0.055, 0.115), (0.1, 0.5), (0.22, 0.62))
+    return hsv(d, (0.055, 0.115), (0.1, 0.5), (0.3, 0.7))
 
 
 def _stone(d: Draw) -> Tensor:
@@ -230,7 +230,7 @@ def grass(d: Draw, n: int) -> Surface:
     hit = s.hit
     owner = torch.div(s.id.clamp_min(0), points, rounding_mode="floor")
     tip = s.per_splat(t.repeat(count))
-    green = hsv(d, (0.18, 0.30), (0.35, 0.75), (0.3, 0.62))
+    green = hsv(d, (0.18, 0.30), (0.35, 0.75), (0.38, 0.7))
     fresh = hsv(d, (0.17, 0.26), (0.4, 0.7), (0.45, 0.75))
     dry = hsv(d, (0.1, 0.15), (0.25, 0.5), (0.5, 0.78))
     sort = d.rand(count)
@@ -255,7 +255,7 @@ def litter(d: Draw, n: int) -> Surface:
     mulch = d.chance(0.35)
     high = d.log_uniform(0.035, 0.11)
     low = high * d.uniform(0.35, 0.6)
-    count = int(d.uniform(2.2, 4.0) / (0.5 * (low + high)) ** 2)
+    count = int(d.uniform(1.8, 2.9) / (0.5 * (low + high)) ** 2)
     size = sizes(d, count, low, high, 1.5)
     slim = d.uniform(2.5, 6.0) if mulch else d.uniform(1.3, 2.4)
     p = torch.stack(
@@ -295,7 +295,7 @@ def litter(d: Draw, n: int) -> Surface:
         )
     noise, fine = spectral(d, n, 1.8, low=8), spectral(d, n, 0.8, low=n / 14)
     tones = d.randn(3, count)
-    first = hsv(d, (0.04, 0.12), (0.25, 0.65), (0.22, 0.55))
+    first = hsv(d, (0.04, 0.12), (0.2, 0.6), (0.3, 0.72))
     palette = [first * 0.6, first, jitter(d, first, 0.15), hsv(d, (0.06, 0.2), (0.2, 0.6), (0.35, 0.7))]
     base = ramp(0.45 + 0.28 * s.per_splat(tones[0]) + 0.1 * noise, palette)
     rot = blotches(d, n, 0.25, low=20, beta=1.4)

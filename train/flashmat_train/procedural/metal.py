@@ -34,7 +34,7 @@ def _bare(d: Draw, grey: bool = False) -> Tensor:
 
 def _polish(d: Draw, n: int) -> float:
     """The roughness of bare metal before wear."""
-    return d.uniform(0.2, 0.5) if d.chance(0.8) else d.uniform(0.1, 0.25)
+    return d.uniform(0.26, 0.55) if d.chance(0.85) else d.uniform(0.12, 0.25)
 
 
 def _tarnish(d: Draw, n: int, base: Tensor) -> tuple[Tensor, Tensor]:
@@ -197,7 +197,7 @@ def perforated(d: Draw, n: int) -> Surface:
         stain = blotches(d, n, 0.15, low=3) * smoothstep(0.25, 0.0, dist)
         albedo = mix(albedo, _rust(d, n), 0.8 * stain)
         rough = rough + 0.3 * stain
-    return Surface(albedo, height, rough, d.log_uniform(0.15, 0.6), limit=2.5)
+    return Surface(albedo, height, rough, d.log_uniform(0.25, 0.9), limit=3.0)
 
 
 def tread_plate(d: Draw, n: int) -> Surface:
@@ -236,7 +236,7 @@ def tread_plate(d: Draw, n: int) -> Surface:
     rough = d.uniform(0.25, 0.5) + rough + 0.25 * dirt - d.uniform(0, 0.12) * worn
     flat = spectral(d, n, 1.4, low=8)
     height = to_slope(bar, 1.0) + to_slope(flat, d.uniform(0.03, 0.2))
-    return Surface(albedo, height, rough, d.log_uniform(0.12, 0.45), limit=1.8)
+    return Surface(albedo, height, rough, d.log_uniform(0.15, 0.65), limit=2.2)
 
 
 def galvanised(d: Draw, n: int) -> Surface:
@@ -368,7 +368,7 @@ def ribbed(d: Draw, n: int) -> Surface:
     rough = d.uniform(0.3, 0.6) + rough * 0.7 + 0.2 * deep
     dents = spectral(d, n, 3.0, low=2)
     height = to_slope(wave, 1.0) + to_slope(dents, d.uniform(0.02, 0.2))
-    s = Surface(albedo, height, rough, d.log_uniform(0.15, 0.6), limit=1.8)
+    s = Surface(albedo, height, rough, d.log_uniform(0.2, 0.8), limit=2.2)
     if d.chance(0.5):
         s.albedo, s.height, s.roughness = (t.transpose(-1, -2).contiguous() for t in (s.albedo, s.height, s.roughness))
     return s

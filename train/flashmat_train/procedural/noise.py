@@ -254,6 +254,8 @@ def splat(
     o = torch.arange(-k, k + 1, device=device)
     bx, by = torch.floor(cx * n).long(), torch.floor(cy * n).long()
     ox, oy = o.repeat(len(o)), o.repeat_interleave(len(o))
+    near = ox * ox + oy * oy <= (k + 1) ** 2
+    ox, oy = ox[near], oy[near]
     px, py = bx[:, None] + ox, by[:, None] + oy
     dx = (px + 0.5) / n - cx[:, None]
     dy = (py + 0.5) / n - cy[:, None]

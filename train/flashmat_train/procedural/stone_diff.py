@@ -256,7 +256,7 @@ def cobbles(d: Draw, n: int) -> Surface:
     u, v = d.grid(n)
     k = d.integer(5, 16)
     w = (0.04 / k) * spectral(d, n, 2.8, low=k / 2, high=2.5 * k, batch=2)
-    fan = d.uniform(0.0, 0.12) * torch.sin(2 * math.pi * d.integer(1, 2) * u) if d.chance(0.4) else 0.0
+    fan = d.uniform(0.0, 0.05) * torch.sin(2 * math.pi * d.integer(1, 2) * u) if d.chance(0.4) else 0.0
     jitter_by = d.uniform(0.3, 0.95)
     ky = max(3, round(k * d.uniform(0.8, 1.4)))
     c = worley(d, u + w[0], v + w[1] + fan, k, ky, jitter_by)

@@ -218,7 +218,7 @@ def glazed(d: Draw, n: int) -> Surface:
     small = min(t.half)
     width, bevel = small * d.uniform(0.02, 0.09), small * d.log_uniform(0.06, 0.5)
     gap, profile, rim = _grout(d, n, t, width, bevel)
-    base = hsv(d, (0.05, 0.6), (0, 0.06), (0.8, 1.0)) if d.chance(0.35) else any_colour(d, 0.85, (0.15, 0.9))
+    base = hsv(d, (0.05, 0.6), (0, 0.06), (0.8, 1.0)) if d.chance(0.5) else any_colour(d, 0.85, (0.25, 0.95))
     base = base.expand(3, n, n)
     if d.chance(0.3):
         base = mix(base, any_colour(d, 0.8, (0.1, 0.95)), (t.per_tile(d.rand(t.count)) < d.uniform(0.1, 0.5)).float())

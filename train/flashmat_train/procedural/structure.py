@@ -76,26 +76,26 @@ def height_to_normal(height: Tensor, slope: float, limit: float = 2.5) -> Tensor
 # each deviation of luminance. Pale fibres and grains lie on top and are smoother.
 COUPLING: dict[str, tuple[float, float]] = {
     "fabric": (-0.75, 0.6),
-    "ground": (-0.7, 0.6),
+    "ground": (-0.5, 0.5),
     "leather": (0.2, 0.35),
     "metal": (-0.05, 0.35),
-    "stone-diff": (-0.4, 0.5),
+    "stone-diff": (-0.45, 0.5),
     "stone-spec": (0.0, 0.25),
     "polymer": (0.25, 0.3),
-    "wood": (-0.75, 0.6),
+    "wood": (-0.45, 0.5),
 }
 
 
 # Least share of the albedo's contrast that is kept, by class: real maps range from plain to busy.
-CONTRAST: dict[str, float] = {"metal": 0.15, "stone-spec": 0.3, "polymer": 0.2, "stone-diff": 0.4, "wood": 0.4}
+CONTRAST: dict[str, float] = {"metal": 0.35, "stone-spec": 0.5, "polymer": 0.4}
 
 
 def season(d: Draw, s: Surface, cls: str) -> Surface:
     """What holds for every family: colour contrast and sharpness vary; roughness follows luminance a little."""
     albedo = s.albedo.clamp(0, 1)
     middle = albedo.mean((1, 2), keepdim=True)
-    albedo = middle + d.uniform(CONTRAST.get(cls, 0.5), 1.0) * (albedo - middle)
-    s.albedo = blur(albedo, d.uniform(0.25, 0.7) / albedo.shape[-1])
+    albedo = middle + d.uniform(CONTRAST.get(cls, 0.65), 1.15) * (albedo - middle)
+    s.albedo = blur(albedo, d.uniform(0.1, 0.45) / albedo.shape[-1])
     mean, spread = COUPLING[cls]
     light = s.albedo.clamp(0, 1).mean(0)
     light = ((light - light.mean()) / (light.std() + 1e-3)).clamp(-2.5, 2.5)
