@@ -1,2 +1,47 @@
-//! Flashmat on the desktop.
-fn main() {}
+//! Flashmat on the desktop: flash photos to relightable materials.
+mod commands;
+mod engine;
+mod failure;
+mod interrupt;
+mod mapset;
+mod material;
+mod metrics;
+mod output;
+mod photo;
+
+use clap::{Parser, Subcommand};
+use std::process::ExitCode;
+
+/// Flash photos of flat materials to relightable material maps.
+#[derive(Parser)]
+#[command(name = "flashmat", version, max_term_width = 100)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Material maps from flash photos.
+    Capture(commands::capture::CaptureArgs),
+    /// Captured maps under another light.
+    Render(commands::render::RenderArgs),
+    /// Errors over materials whose maps are known.
+    Eval(commands::eval::EvalArgs),
+    /// Layers, sizes, work, hash and card of a model.
+    Model(commands::model::ModelArgs),
+    /// How long the stages take.
+    Bench(commands::bench::BenchArgs),
+}
+
+fn main() -> ExitCode {
+    interrupt::listen();
+    let done = match Cli::parse().command {
+        Command::Capture(args) => commands::capture::run(&args),
+        Command::Render(args) => commands::render::run(&args),
+        Command::Eval(args) => commands::eval::run(&args),
+        Command::Model(args) => commands::model::run(&args),
+        Command::Bench(args) => commands::bench::run(&args),
+    };
+    if done { ExitCode::SUCCESS } else { ExitCode::FAILURE }
+}

@@ -1,12 +1,7 @@
 //! What a capture gives, owned: the material's maps and the facts around them.
 use crate::engine::Timings;
 use flashmat_core::maps::Maps;
-
-/// The eight class names, in the order of the probabilities.
-pub(crate) const CLASSES: [&str; 8] =
-    ["fabric", "ground", "leather", "metal", "stone-diff", "stone-spec", "polymer", "wood"];
-/// Index of metal in [`CLASSES`].
-pub(crate) const METAL: usize = 3;
+use flashmat_core::net::Class;
 
 /// Owned maps; units as in [`Maps`].
 #[derive(Clone, Debug)]
@@ -33,9 +28,13 @@ pub(crate) struct Material {
     pub(crate) render: Vec<f32>,
     /// Angle of view over the maps, in degrees.
     pub(crate) fov_deg: f32,
-    /// Index into [`CLASSES`].
-    pub(crate) class: usize,
-    pub(crate) probabilities: [f32; 8],
+    pub(crate) class: Class,
+    /// The class is the user's word, not the network's.
+    pub(crate) class_given: bool,
+    /// What the network believes, in the order of [`Class::ALL`].
+    pub(crate) probabilities: [f32; Class::ALL.len()],
+    /// Specular reflectance at normal incidence.
+    pub(crate) f0: f32,
     pub(crate) light_scale: f32,
     /// RMSE of re-render against photo, gamma 2.2, clipped pixels left out.
     pub(crate) residual: f32,
@@ -45,13 +44,19 @@ pub(crate) struct Material {
 }
 
 impl Material {
-    /// Name of the class.
-    pub(crate) fn class_name(&self) -> &'static str {
-        CLASSES.get(self.class).copied().unwrap_or("unknown")
+    /// The class and how sure it is, as in "wood 82 %".
+    pub(crate) fn class_line(&self) -> String {
+        let name = self.class.name();
+        if self.class_given {
+            return format!("{name} (as told)");
+        }
+        let p = self.probabilities.get(self.class as usize).copied().unwrap_or(0.0);
+        format!("{name} {:.0} %", 100.0 * p)
     }
 
-    /// Probability of metal.
-    pub(crate) fn metal(&self) -> f32 {
-        self.probabilities.get(METAL).copied().unwrap_or(0.0)
+    /// Whether the maps are better taken for a metal: F0 is blended by P(metal), so half-way is P = 0.5.
+    pub(crate) fn is_metal(&self) -> bool {
+        use flashmat_core::brdf::f0;
+        self.f0 >= f0(0.5)
     }
 }

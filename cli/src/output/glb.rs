@@ -14,12 +14,12 @@ use std::io::{self, Write};
 /// Index of refraction with F0 = 0.05: (1 + sqrt F0) / (1 - sqrt F0).
 const IOR: f32 = 1.576_014_3;
 
-/// Writes the file. `metal` is P(metal), `fov_deg` the angle of view over the maps, `name` the material's name.
+/// Writes the file. `metal` is P(metal) rounded, `fov_deg` the angle of view over the maps, `name` the material's name.
 pub(crate) fn write(
     out: &mut dyn Write,
     name: &str,
     maps: &OwnedMaps,
-    metal: f32,
+    metal: bool,
     fov_deg: f32,
 ) -> io::Result<()> {
     let mut root = gltf::Root {
@@ -111,10 +111,10 @@ fn material(
     bin: &mut Bin,
     name: &str,
     maps: &OwnedMaps,
-    metal: f32,
+    metal: bool,
 ) -> io::Result<gltf::Index<gltf::Material>> {
     let view = maps.view();
-    let metallic = if metal >= 0.5 { u8::MAX } else { 0 };
+    let metallic = if metal { u8::MAX } else { 0 };
     let albedo = png::codes::<u8>(maps.size, 3, |y, line| view.albedo_row(y, line))?;
     let normal = png::codes::<u8>(maps.size, 3, |y, line| view.normal_row(y, line))?;
     let roughness = png::codes::<u8>(maps.size, 1, |y, line| view.roughness_row(y, line))?;
@@ -279,7 +279,7 @@ mod tests {
 
     #[test]
     fn the_gltf_crate_reads_back_what_was_written() {
-        for (metal, metallic) in [(0.49, 0), (0.51, 255)] {
+        for (metal, metallic) in [(false, 0), (true, 255)] {
             let mut file = Vec::new();
             write(&mut file, "wood", &maps(), metal, 43.35).expect("write");
             assert_eq!(file.len() % 4, 0);

@@ -6,7 +6,7 @@ pub(crate) mod png;
 pub(crate) mod report;
 mod sheet;
 
-use crate::engine::{self, Facts};
+use crate::engine::{Facts, light};
 use crate::failure::Failure;
 use crate::interrupt;
 use crate::material::Material;
@@ -25,7 +25,7 @@ pub(crate) fn write_all(
 ) -> Result<(), Failure> {
     let maps = material.maps.view();
     let size = maps.size;
-    let relit = engine::relit_from_the_side(material)
+    let relit = light::from_the_side(material)
         .map_err(|e| Failure::writing(&target.join("sheet.png"), &io::Error::other(e)))?;
     let mut folder = Staging::new(target)?;
     folder.write("albedo.png", |f| png::albedo(f, &maps, depth))?;
@@ -33,8 +33,9 @@ pub(crate) fn write_all(
     folder.write("roughness.png", |f| png::roughness(f, &maps, depth))?;
     folder.write("render.png", |f| png::linear(f, &material.render, size, depth))?;
     folder.write("sheet.png", |f| sheet::write(f, name, material, &relit))?;
-    folder
-        .write("material.glb", |f| glb::write(f, name, &material.maps, material.metal(), material.fov_deg))?;
+    folder.write("material.glb", |f| {
+        glb::write(f, name, &material.maps, material.is_metal(), material.fov_deg)
+    })?;
     // Last, so that a report means that the rest is there.
     folder.write("report.json", |f| report::Report::new(material, facts).write(f))?;
     if interrupt::asked() {

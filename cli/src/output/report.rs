@@ -19,6 +19,9 @@ pub(crate) struct Report {
     /// Angle of view over the maps, in degrees.
     #[serde(default = "default_fov")]
     pub(crate) fov_deg: f32,
+    /// Specular reflectance at normal incidence that the re-render used.
+    #[serde(default = "default_f0")]
+    pub(crate) f0: f32,
     pub(crate) timings_ms: Timings,
     pub(crate) workspace_bytes: usize,
     pub(crate) engine: String,
@@ -65,6 +68,10 @@ fn default_fov() -> f32 {
     flashmat_core::frame::FieldOfView::TARGET_DEG
 }
 
+fn default_f0() -> f32 {
+    flashmat_core::brdf::F0_DIELECTRIC
+}
+
 impl Report {
     /// The report of `material`, found by an engine with the given `facts`.
     pub(crate) fn new(material: &Material, facts: &Facts) -> Self {
@@ -73,16 +80,17 @@ impl Report {
             model: ModelName { name: facts.model_name.clone(), hash: facts.model_hash.clone() },
             size: material.maps.size,
             class: Class {
-                name: material.class_name().to_owned(),
+                name: material.class.name().to_owned(),
                 probabilities: material.probabilities.into(),
             },
             light_scale: material.light_scale,
             residual: material.residual,
             fov_deg: material.fov_deg,
+            f0: material.f0,
             timings_ms: material.timings_ms,
             workspace_bytes: material.workspace_bytes,
             engine: facts.engine.to_owned(),
-            level: facts.level.clone(),
+            level: facts.level.to_owned(),
             warnings: material.warnings.clone(),
         }
     }
@@ -92,23 +100,19 @@ impl Report {
         serde_json::to_writer_pretty(&mut *out, self)?;
         out.write_all(b"\n")
     }
-
-    /// Probability of metal.
-    pub(crate) fn metal(&self) -> f32 {
-        self.class.probabilities.metal
-    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::material::CLASSES;
+    use flashmat_core::net::Class;
 
     #[test]
     fn probabilities_keep_the_names_and_the_order_of_the_classes() {
         let p = Probabilities::from([0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7]);
         let text = serde_json::to_string(&p).expect("json");
-        let wanted: Vec<_> = CLASSES.iter().zip(0..).map(|(c, i)| format!("\"{c}\":0.{i}")).collect();
+        let wanted: Vec<_> =
+            Class::ALL.iter().zip(0..).map(|(c, i)| format!("\"{}\":0.{i}", c.name())).collect();
         assert_eq!(text, format!("{{{}}}", wanted.join(",")));
         assert_eq!(serde_json::from_str::<Probabilities>(&text).expect("json"), p);
     }

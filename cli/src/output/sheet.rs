@@ -1,10 +1,11 @@
 //! `sheet.png`: photo, maps and re-renderings of one material on one labelled picture, for the eye.
 use super::canvas::{Colour, Fonts, Text, fill};
 use super::png;
-use crate::material::{CLASSES, Material};
+use crate::material::Material;
 use flashmat_core::Error;
 use flashmat_core::frame::transfer::linear_to_srgb;
 use flashmat_core::maps;
+use flashmat_core::net::Class;
 use image::imageops::{self, FilterType};
 use image::{ExtendedColorType, RgbImage};
 use std::io::{self, Write};
@@ -101,7 +102,7 @@ fn picture(
 fn header(canvas: &mut RgbImage, fonts: &Fonts, name: &str, material: &Material) {
     let right = (canvas.width() - MARGIN) as f32;
     let class = Text { font: &fonts.bold, size: 34.0, colour: ACCENT };
-    let title = format!("{} {:.0} %", material.class_name(), 100.0 * probability(material, material.class));
+    let title = material.class_line();
     let class_width = class.width(&title);
     class.draw_right(canvas, right, (MARGIN + 28) as f32, &title);
     let heading = Text { font: &fonts.bold, size: 34.0, colour: BRIGHT };
@@ -110,21 +111,17 @@ fn header(canvas: &mut RgbImage, fonts: &Fonts, name: &str, material: &Material)
     fill(canvas, (MARGIN, MARGIN + 52), (canvas.width() - 2 * MARGIN, 1), BORDER);
 }
 
-fn probability(material: &Material, class: usize) -> f32 {
-    material.probabilities.get(class).copied().unwrap_or(0.0)
-}
-
 /// The class probabilities as labelled bars, in the fixed order of the classes.
 fn class_bars(canvas: &mut RgbImage, fonts: &Fonts, material: &Material, x: u32, y: u32) {
     const STEP: u32 = 29;
     let bold = Text { font: &fonts.bold, size: 17.0, colour: BRIGHT };
     bold.draw(canvas, x as f32, (y + 14) as f32, "Class");
-    for (i, class) in CLASSES.iter().enumerate() {
+    for (i, (class, p)) in Class::ALL.into_iter().zip(material.probabilities).enumerate() {
         let top = y + LABEL + i as u32 * STEP;
-        let p = probability(material, i).clamp(0.0, 1.0);
-        let chosen = i == material.class;
+        let p = p.clamp(0.0, 1.0);
+        let chosen = class == material.class;
         let text = Text { font: &fonts.regular, size: 14.5, colour: if chosen { BRIGHT } else { DIM } };
-        text.draw(canvas, x as f32, (top + 11) as f32, class);
+        text.draw(canvas, x as f32, (top + 11) as f32, class.name());
         text.draw_right(canvas, (x + SIDE) as f32, (top + 11) as f32, &format!("{:.0} %", 100.0 * p));
         fill(canvas, (x, top + 18), (SIDE, 4), TRACK);
         let filled = (p * SIDE as f32).round() as u32;

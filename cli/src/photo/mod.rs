@@ -6,12 +6,14 @@ mod exif;
 mod jpeg;
 
 use crate::failure::Failure;
+use flashmat_core::frame::transfer::linear_to_srgb;
+use flashmat_core::maps;
 use image::metadata::Orientation;
 use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
 use std::fs;
 use std::io::Cursor;
 use std::path::Path;
-use std::sync::Mutex;
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 /// The most pixels of a photo: the largest phone sensors have 200 million.
 const MAX_PIXELS: u64 = 256 << 20;
@@ -19,8 +21,8 @@ const MAX_PIXELS: u64 = 256 << 20;
 pub(crate) const MIN_SIDE: u32 = 32;
 /// The largest photo file, in bytes.
 const MAX_FILE_BYTES: u64 = 1 << 30;
-/// Photos with more pixels than this are decoded one at a time, whatever the number of threads.
-const LARGE_PIXELS: u64 = 64 << 20;
+/// Of photos with more pixels than this there is one in memory at a time, whatever the number of threads.
+const LARGE_PIXELS: u64 = 32 << 20;
 static LARGE: Mutex<()> = Mutex::new(());
 
 const FORMATS_HELP: &str = "give a PNG, JPEG, TIFF or WebP picture";
@@ -36,6 +38,8 @@ pub(crate) struct Photo {
     pub(crate) focal_35mm: Option<f32>,
     /// What a user should know about how the file was read.
     pub(crate) warnings: Vec<String>,
+    /// The turn of a large photo, over when it is dropped.
+    _turn: Option<MutexGuard<'static, ()>>,
 }
 
 /// Interleaved RGB, top row first.
@@ -46,6 +50,23 @@ pub(crate) enum Pixels {
     Rgb16(Vec<u16>),
     /// Floating point, which files store linear.
     RgbF32(Vec<f32>),
+}
+
+impl Photo {
+    /// The photo that an 8-bit sRGB camera takes of `radiance`: 3 planes, linear RGB, `size` a side.
+    pub(crate) fn of_radiance(radiance: &[f32], size: usize) -> Result<Self, flashmat_core::Error> {
+        let mut pixels = vec![0_u8; 3 * size * size];
+        for (y, line) in pixels.chunks_exact_mut(3 * size.max(1)).enumerate() {
+            maps::encode_rgb_row(radiance, size, y, line, linear_to_srgb)?;
+        }
+        let side = u32::try_from(size).map_err(|_| flashmat_core::Error::Size { size })?;
+        Ok(Self::plain(side, side, Pixels::Rgb8(pixels)))
+    }
+
+    /// Pixels of which nothing more is known.
+    pub(crate) fn plain(width: u32, height: u32, pixels: Pixels) -> Self {
+        Self { width, height, pixels, display_p3: false, focal_35mm: None, warnings: Vec::new(), _turn: None }
+    }
 }
 
 /// Reads and decodes the photo at `path`.
@@ -75,7 +96,7 @@ pub(crate) fn read(path: &Path) -> Result<Photo, Failure> {
     decoder.set_limits(limits).map_err(|e| broken(&e))?;
     let display_p3 = decoder.icc_profile().ok().flatten().is_some_and(|p| names_display_p3(&p));
     let large = u64::from(width) * u64::from(height) > LARGE_PIXELS;
-    let turn = large.then(|| LARGE.lock());
+    let turn = large.then(|| LARGE.lock().unwrap_or_else(PoisonError::into_inner));
     let mut picture = DynamicImage::from_decoder(decoder).map_err(|e| broken(&e))?;
     let facts = exif::read(&bytes);
     drop(bytes);
@@ -87,9 +108,14 @@ pub(crate) fn read(path: &Path) -> Result<Photo, Failure> {
         warnings.push("the photo is partly transparent: its alpha channel was left out".to_owned());
     }
     let (width, height) = (picture.width(), picture.height());
-    let pixels = into_pixels(picture);
-    drop(turn);
-    Ok(Photo { width, height, pixels, display_p3, focal_35mm: facts.focal_35mm, warnings })
+    let focal_35mm = facts.focal_35mm;
+    Ok(Photo {
+        display_p3,
+        focal_35mm,
+        warnings,
+        _turn: turn,
+        ..Photo::plain(width, height, into_pixels(picture))
+    })
 }
 
 fn read_bytes(path: &Path) -> Result<Vec<u8>, Failure> {

@@ -1,0 +1,284 @@
+//! `flashmat capture`: photos in, a folder of maps for each out.
+use super::{complain, say, workers};
+use crate::engine::{Engine, EngineKind, ModelFile, Settings};
+use crate::failure::Failure;
+use crate::interrupt;
+use crate::material::Material;
+use crate::output::{self, png::Depth};
+use crate::photo;
+use flashmat_core::kernels::Level;
+use flashmat_core::net::Class;
+use flashmat_core::{Error, Stage};
+use indicatif::{ProgressBar, ProgressStyle};
+use std::collections::HashSet;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// Steps of the progress bar for one photo.
+const STEPS: u64 = 100;
+
+/// How each photo is taken to maps.
+#[derive(clap::Args)]
+pub(crate) struct CaptureArgs {
+    /// Flash photos of flat materials: PNG, JPEG, TIFF or WebP.
+    #[arg(required = true, value_name = "PHOTO")]
+    photos: Vec<PathBuf>,
+    /// Folder for the results; each photo gets a folder in it, named like the photo.
+    #[arg(long, value_name = "DIR", default_value = "out")]
+    out: PathBuf,
+    /// What the photos' values mean.
+    #[arg(long, value_enum, default_value_t)]
+    encoding: Encoding,
+    /// Angle of view over the photos' shorter side, in degrees [default: from EXIF, else 43.35].
+    #[arg(long, value_name = "DEG", value_parser = degrees)]
+    fov: Option<f32>,
+    /// Pixels per side of the maps, a multiple of 128.
+    #[arg(long, value_name = "N", default_value_t = 256, value_parser = map_size)]
+    size: usize,
+    /// The material class, when you know better than the network.
+    #[arg(long, value_name = "NAME", value_parser = clap::builder::PossibleValuesParser::new(Class::ALL.map(Class::name)))]
+    class: Option<String>,
+    #[command(flatten)]
+    run: RunArgs,
+    /// Leave out the refinement after the network.
+    #[arg(long)]
+    no_refine: bool,
+    /// Bits per channel of the maps.
+    #[arg(long, value_name = "8|16", default_value = "8", value_parser = bit_depth)]
+    bit_depth: Depth,
+    /// Say nothing but errors.
+    #[arg(long, short)]
+    quiet: bool,
+}
+
+/// Options of all commands that run the network.
+#[derive(clap::Args, Clone)]
+pub(crate) struct RunArgs {
+    /// A model file in place of the embedded model.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) model: Option<PathBuf>,
+    /// Arithmetic of the network.
+    #[arg(long, value_enum, default_value_t)]
+    pub(crate) engine: EngineKind,
+    /// CPU level of the integer kernels; all give the same maps.
+    #[arg(long, value_name = "LEVEL", default_value = "auto", value_parser = level_names())]
+    level: String,
+    /// Threads in all [default: one for each CPU].
+    #[arg(long, value_name = "N", value_parser = thread_count)]
+    pub(crate) threads: Option<usize>,
+}
+
+impl RunArgs {
+    /// The CPU level asked for; none: the fastest.
+    pub(crate) fn level(&self) -> Option<Level> {
+        Level::from_name(&self.level)
+    }
+
+    /// Threads in all.
+    pub(crate) fn threads(&self) -> usize {
+        self.threads.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from))
+    }
+}
+
+/// What the photos' values mean.
+#[derive(Clone, Copy, Default, PartialEq, Eq, clap::ValueEnum)]
+enum Encoding {
+    /// sRGB (Display P3 where the file says so).
+    #[default]
+    Srgb,
+    /// Linear light.
+    Linear,
+}
+
+fn level_names() -> clap::builder::PossibleValuesParser {
+    std::iter::once("auto").chain(Level::ALL.map(Level::name)).collect::<Vec<_>>().into()
+}
+
+fn bit_depth(text: &str) -> Result<Depth, String> {
+    match text {
+        "8" => Ok(Depth::Eight),
+        "16" => Ok(Depth::Sixteen),
+        _ => Err("must be 8 or 16".to_owned()),
+    }
+}
+
+fn degrees(text: &str) -> Result<f32, String> {
+    let in_range = |d: &f32| (1.0..=170.0).contains(d);
+    text.parse().ok().filter(in_range).ok_or_else(|| "must be 1 to 170 degrees".to_owned())
+}
+
+pub(crate) fn map_size(text: &str) -> Result<usize, String> {
+    let fits = |n: &usize| (128..=2048).contains(n) && n.is_multiple_of(128);
+    text.parse().ok().filter(fits).ok_or_else(|| "must be a multiple of 128, from 128 to 2048".to_owned())
+}
+
+fn thread_count(text: &str) -> Result<usize, String> {
+    let fits = |n: &usize| (1..=1024).contains(n);
+    text.parse().ok().filter(fits).ok_or_else(|| "must be 1 to 1024".to_owned())
+}
+
+/// One photo's work.
+struct Job<'a> {
+    photo: &'a Path,
+    name: String,
+}
+
+/// Runs the command; `false` when a photo gave no maps.
+pub(crate) fn run(args: &CaptureArgs) -> bool {
+    let settings = Settings {
+        size: args.size,
+        engine: args.run.engine,
+        level: args.run.level(),
+        threads: 1,
+        refine: !args.no_refine,
+        class: args.class.as_deref().and_then(Class::from_name),
+        fov_deg: args.fov,
+        linear: args.encoding == Encoding::Linear,
+    };
+    let prepared = fs::create_dir_all(&args.out)
+        .map_err(|e| Failure::writing(&args.out, &e))
+        .and_then(|()| ModelFile::load(args.run.model.as_deref()));
+    let planned = prepared.as_ref().map_err(Clone::clone).and_then(|file| {
+        let model = file.parse()?;
+        let (workers, settings) = workers::plan(args.run.threads(), args.photos.len(), &model, settings)?;
+        Ok((model, workers, settings))
+    });
+    let (model, workers, settings) = match planned {
+        Ok(planned) => planned,
+        Err(failure) => {
+            args.photos.iter().for_each(|photo| complain(&failure.at(photo)));
+            return false;
+        }
+    };
+    let jobs = jobs(&args.photos);
+    let bar = progress_bar(jobs.len(), args.quiet);
+    let bad = AtomicUsize::new(0);
+    let printing = Mutex::new(());
+    workers::run(workers, jobs.len(), &model, &settings, |engine, i| {
+        let Some(job) = jobs.get(i) else { return };
+        let result = match engine {
+            Ok(engine) => one_photo(engine, job, args, &bar),
+            Err(failure) => Err(failure.at(job.photo)),
+        };
+        let _turn = printing.lock();
+        bar.suspend(|| match result {
+            Ok(material) if !args.quiet => say(&summary(job, &material, args)),
+            Ok(_) => {}
+            Err(failure) => {
+                bad.fetch_add(1, Ordering::Relaxed);
+                complain(&failure);
+            }
+        });
+    });
+    bar.finish_and_clear();
+    bad.load(Ordering::Relaxed) == 0
+}
+
+/// Gives each photo its folder's name: its stem, numbered where another photo has it already.
+fn jobs(photos: &[PathBuf]) -> Vec<Job<'_>> {
+    let mut taken = HashSet::new();
+    let job = |photo| {
+        let path: &PathBuf = photo;
+        let stem = path.file_stem().map_or_else(|| "photo".to_owned(), |s| s.to_string_lossy().into_owned());
+        let mut name = stem.clone();
+        let mut count = 1;
+        while !taken.insert(name.clone()) {
+            count += 1;
+            name = format!("{stem}-{count}");
+        }
+        Job { photo: path, name }
+    };
+    photos.iter().map(job).collect()
+}
+
+fn progress_bar(photos: usize, quiet: bool) -> ProgressBar {
+    if quiet {
+        return ProgressBar::hidden();
+    }
+    // Draws on stderr, and only on a terminal.
+    let bar = ProgressBar::new(photos as u64 * STEPS);
+    let style = ProgressStyle::with_template("{bar:32} {percent:>3} %  {msg}");
+    bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
+    bar
+}
+
+fn one_photo(
+    engine: &mut Engine<'_>,
+    job: &Job<'_>,
+    args: &CaptureArgs,
+    bar: &ProgressBar,
+) -> Result<Material, Failure> {
+    let interrupted = || Failure::new(job.photo, "interrupted before its maps were ready", "run it again");
+    if interrupt::asked() {
+        return Err(interrupted());
+    }
+    bar.set_message(job.name.clone());
+    let mut share = Share { bar, done: 0 };
+    let photo = photo::read(job.photo)?;
+    let mut observer = |stage: Stage, fraction: f32| {
+        let before = Stage::ALL.iter().position(|&s| s == stage).unwrap_or(0) as f32;
+        share.reach((before + fraction.clamp(0.0, 1.0)) / Stage::ALL.len() as f32);
+        interrupt::flow()
+    };
+    let material = engine.capture(&photo, &mut observer);
+    drop(photo);
+    let result = material.map_err(|error| match error {
+        Error::Cancelled => interrupted(),
+        error => Failure::core(job.photo, &error),
+    });
+    result.and_then(|material| {
+        output::write_all(&args.out.join(&job.name), &job.name, &material, engine.facts(), args.bit_depth)
+            .map(|()| material)
+            .map_err(|failure| if interrupt::asked() { interrupted() } else { failure.at(job.photo) })
+    })
+}
+
+/// One photo's share of the progress bar, full when dropped.
+struct Share<'a> {
+    bar: &'a ProgressBar,
+    done: u64,
+}
+
+impl Share<'_> {
+    fn reach(&mut self, part: f32) {
+        let now = (part * STEPS as f32) as u64;
+        self.bar.inc(now.min(STEPS).saturating_sub(self.done));
+        self.done = self.done.max(now.min(STEPS));
+    }
+}
+
+impl Drop for Share<'_> {
+    fn drop(&mut self) {
+        self.reach(1.0);
+    }
+}
+
+fn summary(job: &Job<'_>, material: &Material, args: &CaptureArgs) -> String {
+    let (photo, folder) = (job.photo.display(), args.out.join(&job.name));
+    let (class, residual) = (material.class_line(), material.residual);
+    format!("{photo}: {class}, residual {residual:.3} -> {}", folder.display())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn photos_of_one_name_get_folders_of_their_own() {
+        let photos = ["a/x.jpg", "b/x.png", "x-2.jpg", "y", "x"].map(PathBuf::from);
+        let names: Vec<_> = jobs(&photos).into_iter().map(|j| j.name).collect();
+        assert_eq!(names, ["x", "x-2", "x-2-2", "y", "x-3"]);
+    }
+
+    #[test]
+    fn options_outside_their_range_are_refused() {
+        assert_eq!(map_size("384"), Ok(384));
+        for bad in ["0", "100", "-128", "4096", "x"] {
+            assert!(map_size(bad).is_err(), "{bad}");
+        }
+        assert!(degrees("43.35").is_ok() && degrees("NaN").is_err() && degrees("180").is_err());
+        assert!(thread_count("0").is_err() && bit_depth("12").is_err());
+    }
+}

@@ -1,0 +1,231 @@
+//! The one door to the core: photos in, materials out. Nothing else in this program runs the pipeline.
+mod clock;
+pub(crate) mod light;
+mod model;
+
+pub(crate) use clock::Timings;
+pub(crate) use model::{Loaded, ModelFile};
+
+use crate::failure::Failure;
+use crate::material::{Material, OwnedMaps};
+use crate::photo::{Photo, Pixels};
+use clock::StageClock;
+use flashmat_core::frame::{Encoding, FieldOfView, Frame};
+use flashmat_core::kernels::Level;
+use flashmat_core::net::Class;
+use flashmat_core::pipeline::{Capture, CaptureOptions};
+use flashmat_core::{Error, Session, SessionOptions, Stage};
+use std::ops::ControlFlow;
+
+/// Share of overexposed pixels that a report warns of.
+const CLIPPED_SHARE: f32 = 0.1;
+
+/// How captures are to run.
+#[derive(Clone, Debug)]
+pub(crate) struct Settings {
+    pub(crate) size: usize,
+    pub(crate) engine: EngineKind,
+    /// CPU level; none: the fastest.
+    pub(crate) level: Option<Level>,
+    /// Threads of one engine.
+    pub(crate) threads: usize,
+    pub(crate) refine: bool,
+    /// The class that the user insists on.
+    pub(crate) class: Option<Class>,
+    /// The user's word on the angle of view over the photo's shorter side, in degrees.
+    pub(crate) fov_deg: Option<f32>,
+    pub(crate) linear: bool,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self {
+            size: 256,
+            engine: EngineKind::default(),
+            level: None,
+            threads: 1,
+            refine: true,
+            class: None,
+            fov_deg: None,
+            linear: false,
+        }
+    }
+}
+
+/// The arithmetic of the network.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
+pub(crate) enum EngineKind {
+    /// 8-bit integers, as on the phone.
+    #[default]
+    Int8,
+    /// 32-bit floats, for comparison.
+    Float,
+}
+
+impl EngineKind {
+    /// The name that the command line and reports use.
+    pub(crate) const fn name(self) -> &'static str {
+        match self {
+            Self::Int8 => "int8",
+            Self::Float => "float",
+        }
+    }
+}
+
+/// What reports say about the engine.
+#[derive(Clone, Debug)]
+pub(crate) struct Facts {
+    pub(crate) model_name: String,
+    /// SHA-256 of the model file.
+    pub(crate) model_hash: String,
+    pub(crate) engine: &'static str,
+    pub(crate) level: &'static str,
+}
+
+/// One session: a model and its workspace.
+pub(crate) struct Engine<'m> {
+    session: Session<'m>,
+    settings: Settings,
+    facts: Facts,
+}
+
+impl<'m> Engine<'m> {
+    /// Takes all memory that captures need.
+    pub(crate) fn new(model: &Loaded<'m>, settings: &Settings) -> Result<Self, Failure> {
+        let options =
+            SessionOptions { size: settings.size, level: settings.level, threads: settings.threads };
+        let session = match settings.engine {
+            EngineKind::Int8 => Session::new(model.model.clone(), &options),
+            EngineKind::Float => float_session(model, &options)?,
+        };
+        let session = session.map_err(|e| Failure::core(&model.path, &e))?;
+        let facts = Facts {
+            model_name: model.name.clone(),
+            model_hash: model.hash.clone(),
+            engine: settings.engine.name(),
+            level: session.level().name(),
+        };
+        Ok(Self { session, settings: settings.clone(), facts })
+    }
+
+    pub(crate) fn facts(&self) -> &Facts {
+        &self.facts
+    }
+
+    /// Bytes that the engine keeps.
+    pub(crate) fn workspace_bytes(&self) -> usize {
+        self.session.workspace_bytes()
+    }
+
+    /// One photo through the pipeline.
+    pub(crate) fn capture(
+        &mut self,
+        photo: &Photo,
+        observer: &mut dyn FnMut(Stage, f32) -> ControlFlow<()>,
+    ) -> Result<Material, Error> {
+        let settings = &self.settings;
+        let fov = field_of_view(photo, settings);
+        let options = CaptureOptions {
+            fov,
+            class: settings.class,
+            refine: settings.refine,
+            ..CaptureOptions::default()
+        };
+        let workspace_bytes = self.session.workspace_bytes();
+        let mut clock = StageClock::new();
+        let frame = frame(photo, settings)?;
+        let mut warnings = photo.warnings.clone();
+        let side = frame.crop(&fov)?.side;
+        if side < settings.size as f64 {
+            warnings.push(format!("only {side:.0} pixels of the photo span the maps: they are interpolated"));
+        }
+        let mut watch = |stage, fraction| {
+            clock.note(stage, fraction);
+            observer(stage, fraction)
+        };
+        let capture = self.session.capture(&frame, &options, &mut watch)?;
+        let timings_ms = clock.finish();
+        warnings.extend(exposure_warning(&capture));
+        Ok(Material {
+            maps: OwnedMaps {
+                size: capture.maps.size,
+                albedo: capture.maps.albedo.to_vec(),
+                normal: capture.maps.normal.to_vec(),
+                roughness: capture.maps.roughness.to_vec(),
+            },
+            photo: capture.photo.rgb.to_vec(),
+            render: capture.render.to_vec(),
+            fov_deg: capture.photo.fov_deg,
+            class: capture.class,
+            class_given: settings.class.is_some(),
+            probabilities: capture.probabilities.0,
+            f0: capture.f0,
+            light_scale: capture.light_scale,
+            residual: capture.residual,
+            timings_ms,
+            workspace_bytes,
+            warnings,
+        })
+    }
+}
+
+#[cfg(feature = "float")]
+fn float_session<'m>(
+    model: &Loaded<'m>,
+    options: &SessionOptions,
+) -> Result<Result<Session<'m>, Error>, Failure> {
+    Ok(Session::float(model.model.clone(), options))
+}
+
+#[cfg(not(feature = "float"))]
+fn float_session<'m>(
+    model: &Loaded<'m>,
+    _options: &SessionOptions,
+) -> Result<Result<Session<'m>, Error>, Failure> {
+    let what = "cannot run: this build has no float engine";
+    Err(Failure::new(&model.path, what, "use --engine int8, or build with `--features float`"))
+}
+
+fn exposure_warning(capture: &Capture<'_>) -> Option<String> {
+    let clipped = capture.photo.clipped.iter().filter(|&&c| c != 0).count();
+    let share = clipped as f32 / capture.photo.clipped.len().max(1) as f32;
+    let percent = 100.0 * share;
+    (share > CLIPPED_SHARE)
+        .then(|| format!("{percent:.0} % of the photo is overexposed: take it with less exposure"))
+}
+
+/// The photo as the core takes it.
+fn frame<'a>(photo: &'a Photo, settings: &Settings) -> Result<Frame<'a>, Error> {
+    let encoding = match (settings.linear, photo.display_p3) {
+        (true, _) => Encoding::Linear,
+        (false, true) => Encoding::DisplayP3,
+        (false, false) => Encoding::Srgb,
+    };
+    photo.frame(encoding)
+}
+
+impl Photo {
+    /// The pixels as a frame of the core; floating-point files are linear whatever `encoding` says.
+    pub(crate) fn frame(&self, encoding: Encoding) -> Result<Frame<'_>, Error> {
+        let (width, height) = (self.width as usize, self.height as usize);
+        match &self.pixels {
+            Pixels::Rgb8(p) => Ok(Frame::rgb8(p, width, height, 3 * width)?.encoded(encoding)),
+            Pixels::Rgb16(p) => Ok(Frame::rgb16(p, width, height, 3 * width)?.encoded(encoding)),
+            Pixels::RgbF32(p) => Frame::rgb_f32(p, width, height, 3 * width),
+        }
+    }
+}
+
+fn field_of_view(photo: &Photo, settings: &Settings) -> FieldOfView {
+    match (settings.fov_deg, photo.focal_35mm) {
+        (Some(degrees), _) => FieldOfView::shorter_side(degrees),
+        (None, Some(mm)) => FieldOfView::focal_35mm(mm),
+        (None, None) => FieldOfView::default(),
+    }
+}
+
+/// Names of the levels that this CPU has, slowest first.
+pub(crate) fn levels() -> Vec<Level> {
+    let fastest = Level::detect();
+    Level::ALL.into_iter().filter(|&level| fastest.lowered_to(level).is_ok()).collect()
+}

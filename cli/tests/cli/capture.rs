@@ -1,0 +1,191 @@
+//! `flashmat capture` and `flashmat render` do what their contract says.
+
+use crate::common::{FILES, Folder, capture, flashmat, names, photo, stderr, stdout};
+use image::{DynamicImage, GenericImageView, ImageBuffer, Luma, LumaA, Rgb, Rgba};
+use serde_json::Value;
+use std::path::Path;
+
+#[test]
+fn a_photo_gives_all_files_and_a_report_to_the_letter() {
+    let folder = Folder::new();
+    let out = folder.path("out");
+    let run = capture(&[&folder.photo("tiles.png")], &out, &[]);
+    assert!(run.status.success(), "{}", stderr(&run));
+    assert_eq!(stderr(&run), "");
+    assert_eq!(stdout(&run).lines().count(), 1);
+    assert_eq!(names(&out), ["tiles"], "nothing else is left behind");
+    let tiles = out.join("tiles");
+    assert_eq!(names(&tiles), FILES);
+    for name in ["albedo.png", "normal.png", "render.png"] {
+        let picture = image::open(tiles.join(name)).expect(name);
+        assert_eq!((picture.dimensions(), picture.color()), ((128, 128), image::ColorType::Rgb8), "{name}");
+    }
+    let roughness = image::open(tiles.join("roughness.png")).expect("roughness");
+    assert_eq!((roughness.dimensions(), roughness.color()), ((128, 128), image::ColorType::L8));
+    let sheet = image::open(tiles.join("sheet.png")).expect("sheet");
+    assert!(sheet.width() > 3 * 256 && sheet.height() > 2 * 256);
+
+    let report: Value =
+        serde_json::from_slice(&std::fs::read(tiles.join("report.json")).expect("report")).expect("json");
+    assert_eq!(report["version"], env!("CARGO_PKG_VERSION"));
+    assert_eq!(report["size"], 128);
+    assert!(report["model"]["name"].is_string() && report["model"]["hash"].is_string());
+    let probabilities = report["class"]["probabilities"].as_object().expect("probabilities");
+    let classes = ["fabric", "ground", "leather", "metal", "stone-diff", "stone-spec", "polymer", "wood"];
+    assert_eq!(probabilities.len(), classes.len());
+    let sum: f64 = classes.iter().map(|c| probabilities[*c].as_f64().expect("number")).sum();
+    assert!((sum - 1.0).abs() < 1e-3, "{sum}");
+    assert!(classes.contains(&report["class"]["name"].as_str().expect("name")));
+    let timings = report["timings_ms"].as_object().expect("timings");
+    let stages = ["frame", "net", "crf_albedo", "crf_normal", "search", "crf_roughness", "total"];
+    assert!(timings.len() == stages.len() && stages.iter().all(|s| timings[*s].is_number()));
+    for field in ["light_scale", "residual", "workspace_bytes"] {
+        assert!(report[field].is_number(), "{field}");
+    }
+    assert_eq!(report["engine"], "int8");
+    assert!(report["level"].is_string() && report["warnings"].is_array());
+}
+
+#[test]
+fn quiet_says_nothing_and_sixteen_bits_are_sixteen() {
+    let folder = Folder::new();
+    let out = folder.path("out");
+    let run = capture(&[&folder.photo("a.jpg")], &out, &["--quiet", "--bit-depth", "16"]);
+    assert!(run.status.success(), "{}", stderr(&run));
+    assert_eq!((stdout(&run), stderr(&run)), (String::new(), String::new()));
+    let color = |name: &str| image::open(out.join("a").join(name)).expect(name).color();
+    assert_eq!(color("albedo.png"), image::ColorType::Rgb16);
+    assert_eq!(color("normal.png"), image::ColorType::Rgb16);
+    assert_eq!(color("roughness.png"), image::ColorType::L16);
+}
+
+#[test]
+fn sixteen_bit_and_grey_and_alpha_pictures_of_every_format_are_accepted() {
+    let folder = Folder::new();
+    let tiles = photo(160, 144);
+    let at = |x: u32, y: u32| tiles.get_pixel(x, y).0;
+    let deep: ImageBuffer<Rgb<u16>, _> =
+        ImageBuffer::from_fn(160, 144, |x, y| Rgb(at(x, y).map(|v| u16::from(v) * 257)));
+    let grey = ImageBuffer::from_fn(160, 144, |x, y| Luma([at(x, y)[0]]));
+    let grey_deep: ImageBuffer<Luma<u16>, _> =
+        ImageBuffer::from_fn(160, 144, |x, y| Luma([u16::from(at(x, y)[0]) * 257]));
+    let grey_alpha = ImageBuffer::from_fn(160, 144, |x, y| LumaA([at(x, y)[0], 200]));
+    let alpha = ImageBuffer::from_fn(160, 144, |x, y| Rgba([at(x, y)[0], at(x, y)[1], at(x, y)[2], 255]));
+    let pictures = [
+        ("deep.png", DynamicImage::ImageRgb16(deep.clone())),
+        ("deep.tiff", DynamicImage::ImageRgb16(deep)),
+        ("grey.png", DynamicImage::ImageLuma8(grey.clone())),
+        ("grey.jpg", DynamicImage::ImageLuma8(grey)),
+        ("grey_deep.png", DynamicImage::ImageLuma16(grey_deep)),
+        ("grey_alpha.png", DynamicImage::ImageLumaA8(grey_alpha)),
+        ("alpha.png", DynamicImage::ImageRgba8(alpha.clone())),
+        ("alpha.webp", DynamicImage::ImageRgba8(alpha)),
+        ("plain.tiff", DynamicImage::ImageRgb8(tiles.clone())),
+    ];
+    let out = folder.path("out");
+    let paths: Vec<_> = pictures
+        .iter()
+        .map(|(name, picture)| {
+            let path = folder.path(name);
+            picture.save(&path).expect(name);
+            path
+        })
+        .collect();
+    let run = capture(&paths.iter().map(|p| p.as_path()).collect::<Vec<_>>(), &out, &[]);
+    assert!(run.status.success(), "{}", stderr(&run));
+    // One stem twice: numbered in the order of the arguments.
+    let made = ["alpha", "alpha-2", "deep", "deep-2", "grey", "grey-2", "grey_alpha", "grey_deep", "plain"];
+    assert_eq!(names(&out), made);
+    let report = std::fs::read_to_string(out.join("grey_alpha/report.json")).expect("report");
+    assert!(report.contains("alpha channel was left out"));
+    // The same values in 8 and 16 bits give the same maps.
+    let maps = |name: &str| std::fs::read(out.join(name).join("albedo.png")).expect("albedo");
+    assert_eq!(maps("deep"), maps("deep-2"));
+    assert_eq!(maps("alpha"), maps("plain"));
+}
+
+#[test]
+fn threads_do_not_change_the_maps() {
+    let folder = Folder::new();
+    let photos = ["a.png", "b.png", "c.png"].map(|name| folder.photo(name));
+    let read = |out: &Path| -> Vec<Vec<u8>> {
+        let files = ["a", "b", "c"].iter().flat_map(|s| ["albedo", "normal", "roughness"].map(|m| (*s, m)));
+        files.map(|(s, m)| std::fs::read(out.join(s).join(m).with_extension("png")).expect(m)).collect()
+    };
+    let mut results = Vec::new();
+    for threads in ["1", "2", "5"] {
+        let out = folder.path(threads);
+        let mut command = flashmat(["capture", "--quiet", "--size", "128", "--threads", threads, "--out"]);
+        let run = command.arg(&out).args(&photos).output().expect("run");
+        assert!(run.status.success(), "{}", stderr(&run));
+        results.push(read(&out));
+    }
+    assert!(results.iter().all(|r| *r == results[0]));
+}
+
+#[test]
+fn a_class_that_the_user_insists_on_is_taken() {
+    let folder = Folder::new();
+    let out = folder.path("out");
+    let run = capture(&[&folder.photo("a.png")], &out, &["--class", "metal", "--no-refine"]);
+    assert!(run.status.success(), "{}", stderr(&run));
+    let report = std::fs::read_to_string(out.join("a/report.json")).expect("report");
+    let report: Value = serde_json::from_str(&report).expect("json");
+    assert_eq!(report["class"]["name"], "metal");
+    let run = capture(&[&folder.path("a.png")], &out, &["--class", "cheese"]);
+    assert_eq!(run.status.code(), Some(2), "a wrong option is a usage error");
+    assert!(stderr(&run).contains("stone-diff"), "{}", stderr(&run));
+}
+
+#[test]
+fn a_second_run_replaces_the_first_and_keeps_other_files() {
+    let folder = Folder::new();
+    let out = folder.path("out");
+    let photo = folder.photo("a.png");
+    assert!(capture(&[&photo], &out, &[]).status.success());
+    std::fs::write(out.join("a/notes.txt"), "mine").expect("write");
+    std::fs::write(out.join("a/albedo.png"), "broken").expect("write");
+    assert!(capture(&[&photo], &out, &[]).status.success());
+    image::open(out.join("a/albedo.png")).expect("a new picture");
+    assert_eq!(names(&out.join("a")).len(), FILES.len() + 1);
+    assert_eq!(names(&out), ["a"]);
+}
+
+#[test]
+fn the_flash_s_own_place_renders_the_flash_picture_again() {
+    let folder = Folder::new();
+    let out = folder.path("out");
+    assert!(capture(&[&folder.photo("a.png")], &out, &["--bit-depth", "16"]).status.success());
+    let maps = out.join("a");
+    let run = flashmat(["render", "--light", "0,0,1"]).arg(&maps).output().expect("run");
+    assert!(run.status.success(), "{}", stderr(&run));
+    let open = |name: &str| image::open(maps.join(name)).expect(name).into_rgb8();
+    let (flash, relit) = (open("render.png"), open("relit.png"));
+    let worst = flash.iter().zip(relit.iter()).map(|(a, b)| a.abs_diff(*b)).max();
+    assert!(worst <= Some(3), "{worst:?}");
+
+    let side = folder.path("side.png");
+    let run =
+        flashmat(["render", "--light", "-0.9,0,0.4", "--out"]).arg(&side).arg(&maps).output().expect("run");
+    assert!(run.status.success(), "{}", stderr(&run));
+    let side = image::open(side).expect("side").into_luma8();
+    let mean = |x0: u32| {
+        let sum: u32 = (0..128)
+            .flat_map(|y| (x0..x0 + 32).map(move |x| (x, y)))
+            .map(|(x, y)| u32::from(side.get_pixel(x, y).0[0]))
+            .sum();
+        sum / (32 * 128)
+    };
+    assert!(mean(0) > mean(96), "lit from the left");
+}
+
+#[test]
+fn render_names_what_is_missing() {
+    let folder = Folder::new();
+    let run = flashmat(["render", "--light", "0,0,1"]).arg(folder.path("")).output().expect("run");
+    assert_eq!(run.status.code(), Some(1));
+    assert!(stderr(&run).contains("holds no albedo map"), "{}", stderr(&run));
+    let run = flashmat(["render", "--light", "0,0,-1", "x"]).output().expect("run");
+    assert_eq!(run.status.code(), Some(2));
+    assert!(stderr(&run).contains("above the plane"), "{}", stderr(&run));
+}
