@@ -20,7 +20,7 @@ def _earth(d: Draw) -> Tensor:
 
 def _stone(d: Draw) -> Tensor:
     return (
-        hsv(d, (0.04, 0.14), (0.0, 0.25), (0.3, 0.75))
+        hsv(d, (0.04, 0.14), (0.0, 0.25), (0.4, 0.82))
         if d.chance(0.75)
         else hsv(d, (0.5, 0.7), (0.0, 0.15), (0.3, 0.7))
     )

@@ -20,7 +20,7 @@ def _hide(d: Draw) -> Tensor:
         return hsv(d, (0.95, 1.02), (0.5, 0.95), (0.2, 0.75))
     if pick < 0.8:  # blacks, creams
         return (
-            hsv(d, (0.05, 0.12), (0.05, 0.25), (0.7, 0.92)) if d.chance(0.4) else hsv(d, (0, 1), (0, 0.2), (0.06, 0.2))
+            hsv(d, (0.05, 0.12), (0.05, 0.25), (0.7, 0.92)) if d.chance(0.6) else hsv(d, (0, 1), (0, 0.2), (0.06, 0.2))
         )
     return any_colour(d, 0.8, (0.15, 0.85))
 
