@@ -9,8 +9,13 @@ STAGES = {
     "procedural": ("data.procedural_pool", "make procedural materials"),
     "train": ("train", "train a network"),
     "sample-photo": ("sample", "render the sample photo of the quick start"),
+    "curves": ("curves", "draw a run's curves"),
+    "rates": ("rates", "measure where training time goes"),
+    "pack": ("pack", "one compact file of training and validation materials"),
+    "export-onnx": ("export_onnx", "make an ONNX file of the network"),
     "mitsuba-check": ("render.mitsuba_check", "compare the renderer with Mitsuba 3"),
     "golden": ("golden", "write small renders for the Rust renderer's tests"),
+    "quant": ("quant", "what int8 costs, on the validation photos"),
     "export": ("export", "make the model file for the Rust engine"),
 }
 

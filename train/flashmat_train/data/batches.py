@@ -21,6 +21,7 @@ from ..render.camera import CameraNoise, photograph
 from ..render.envmap import Environments
 from ..render.flash import FOV_DEG, render_point, tilted
 from .pool import Pool, scale_maps
+from .procedural_fresh import FreshPool
 
 
 @dataclass(frozen=True)
@@ -31,8 +32,8 @@ class SceneOptions:
     flash: bool = True  # off: the paper's `env` variant
     light_sigma: float = 0.03  # of the flash around the camera, each axis
     tilt_sigma: float = 3.0  # degrees, each axis
-    fov_exact: float = 0.5  # share of photos with the field of view of the paper
-    fov_range: tuple[float, float] = (30.0, 60.0)
+    fov_exact: float = 0.4  # share of photos with the field of view of the paper
+    fov_range: tuple[float, float] = (32.0, 70.0)
     augment: bool = True  # the paper's scaling of the maps
     camera: CameraNoise = field(default_factory=CameraNoise)
 
@@ -40,7 +41,7 @@ class SceneOptions:
 class Crops(Dataset):
     """Crop i: (7,n,n) maps and the class, from real or procedural materials."""
 
-    def __init__(self, pools: list[tuple[Pool, float]], size: int, seed: int, augment: bool, length: int):
+    def __init__(self, pools: list[tuple[Pool | FreshPool, float]], size: int, seed: int, augment: bool, length: int):
         self.pools = [p for p, share in pools if share > 0 and len(p) > 0]
         shares = np.array([share for p, share in pools if share > 0 and len(p) > 0])
         self.shares = shares / shares.sum()
@@ -52,7 +53,7 @@ class Crops(Dataset):
     def __getitem__(self, i: int) -> tuple[Tensor, int]:
         rng = np.random.default_rng((self.seed, i))
         pool = self.pools[int(rng.choice(len(self.pools), p=self.shares))]
-        maps, cls = pool.draw(rng, self.size)
+        maps, cls = pool.draw(rng, self.size) if isinstance(pool, Pool) else pool.draw_for(i, rng, self.size)
         return (scale_maps(maps, rng) if self.augment else maps), cls
 
 
@@ -89,7 +90,9 @@ def render_batch(
     radiance = torch.zeros_like(albedo)
     if options.flash:
         radiance = render_point(albedo, normal, rough, f0, geometry, light)
-    strength = tensor(rng.uniform(*options.environment, size=b))
+    low, high = options.environment
+    # most flash photos are taken indoors: the flash dominates more often than not
+    strength = tensor(low + (high - low) * rng.random(b) ** 1.5)
     index = torch.tensor(rng.integers(len(env), size=b), device=dev)
     spin = tensor(rng.uniform(0, 2 * math.pi, size=b))
     ambient = env.render(index, spin, albedo, normal, rough, f0, geometry.view)
@@ -124,8 +127,8 @@ def batches(
         crops,
         batch_sampler=order,
         num_workers=workers,
-        persistent_workers=False,
         prefetch_factor=4 if workers else None,
+        pin_memory=torch.device(device).type == "cuda",
     )
     for step, (maps, cls) in enumerate(loader, start):
         rng = np.random.default_rng((crops.seed, 1 << 40, step, rank))

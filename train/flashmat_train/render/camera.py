@@ -2,41 +2,43 @@
 
 from __future__ import annotations
 
-import io
 from dataclasses import dataclass
 
 import numpy as np
 import torch
 import torch.nn.functional as F
-from PIL import Image
 from torch import Tensor
 
 from ..data.pool import srgb_encode
+from .jpeg import jpeg
 
-#: Linear mean that automatic exposure aims at.
-AUTO_MEAN = 0.28
+#: Linear mean that automatic exposure aims at, and the standard deviation of its logarithm: those of real flash
+#: photos (median 0.15, 5 % to 95 %: 0.06 to 0.31).
+AUTO_MEAN, AUTO_SIGMA = 0.16, 0.45
 
 
 @dataclass(frozen=True)
 class CameraNoise:
     """How much of each a random phone has; standard deviations of the logarithm unless said otherwise."""
 
-    exposure: float = 0.12
-    auto: float = 0.25  # share of photos whose automatic exposure pulled the mean towards middle grey
+    exposure: float = 0.15
+    auto: float = 0.75  # share of photos whose automatic exposure pulled the mean towards AUTO_MEAN
     white_balance: float = 0.04
-    vignette: float = 0.15  # darkening of the corner, at most
+    vignette: float = 0.4  # darkening of the corner, at most
+    contrast: float = 0.5  # strength of an S-shaped tone curve, at most; half of the photos have one
     blur: float = 0.6  # sigma in pixels, at most
     shot: float = 0.02  # noise at white, at most (linear)
     read: float = 0.004  # noise at black, at most (linear)
     jpeg: float = 0.15  # share of photos that went through JPEG
-    plain: float = 0.4  # share of photos with none of these but 8-bit rounding
+    plain: float = 0.25  # share of photos with none of these but 8-bit rounding
 
 
 def photograph(radiance: Tensor, rng: np.random.Generator, c: CameraNoise) -> Tensor:
     """Linear radiance (B,3,n,n) to sRGB-encoded photos in [0,1], 8 bit."""
     b, _, n, _ = radiance.shape
     dev = radiance.device
-    on = torch.tensor(rng.random(b) >= c.plain, dtype=torch.float32, device=dev)
+    noisy = rng.random(b) >= c.plain
+    on = torch.tensor(noisy, dtype=torch.float32, device=dev)
 
     def gauss(*shape: int) -> Tensor:
         return torch.tensor(rng.normal(size=shape), dtype=torch.float32, device=dev)
@@ -46,9 +48,10 @@ def photograph(radiance: Tensor, rng: np.random.Generator, c: CameraNoise) -> Te
 
     gain = torch.exp(on[:, None] * (gauss(b, 1) * c.exposure + gauss(b, 3) * c.white_balance))
     x = radiance * gain[:, :, None, None]
-    mean = x.clamp(0, 2).mean(dim=(1, 2, 3)).clamp_min(0.02)
-    pull = on * torch.tensor(rng.random(b) < c.auto, device=dev) * uniform(b) * 0.7
-    x = x * ((AUTO_MEAN / mean) ** pull)[:, None, None, None]
+    mean = x.clamp(0, 2).mean(dim=(1, 2, 3)).clamp_min(1e-3)
+    aim = AUTO_MEAN * torch.exp(gauss(b) * AUTO_SIGMA)
+    pull = on * torch.tensor(rng.random(b) < c.auto, device=dev) * (0.5 + 0.5 * uniform(b))
+    x = x * ((aim / mean) ** pull)[:, None, None, None]
     line = torch.linspace(-1, 1, n, device=dev)
     r2 = (line[:, None] ** 2 + line[None, :] ** 2) / 2
     x = x * (1 - (on * uniform(b) * c.vignette)[:, None, None, None] * r2)
@@ -57,9 +60,14 @@ def photograph(radiance: Tensor, rng: np.random.Generator, c: CameraNoise) -> Te
     seed = int(rng.integers(2**62))
     noise = torch.randn(x.shape, generator=torch.Generator(dev).manual_seed(seed), device=dev)
     x = x + noise * (shot[:, None, None, None] ** 2 * x.clamp(0, 1) + read[:, None, None, None] ** 2).sqrt()
-    x = torch.round(srgb_encode(x.clamp(0, 1)) * 255) / 255
-    for i in np.flatnonzero((rng.random(b) < c.jpeg) & (on.cpu().numpy() > 0)):
-        x[i] = _jpeg(x[i], int(rng.integers(80, 98)))
+    x = srgb_encode(x.clamp(0, 1))
+    s = (on * uniform(b) * c.contrast * torch.tensor(rng.random(b) < 0.5, device=dev))[:, None, None, None]
+    x = x + s * (x * x * (3 - 2 * x) - x)
+    x = torch.round(x * 255) / 255
+    chosen = np.flatnonzero((rng.random(b) < c.jpeg) & noisy)
+    if len(chosen):
+        at = torch.from_numpy(chosen).to(dev)
+        x = x.index_copy(0, at, jpeg(x[at], [int(q) for q in rng.integers(80, 98, size=len(chosen))]))
     return x
 
 
@@ -74,11 +82,3 @@ def _blur(x: Tensor, sigma: Tensor) -> Tensor:
     y = F.conv2d(y, k[:, None, :, None], groups=b * c)
     y = F.conv2d(y, k[:, None, None, :], groups=b * c)
     return y.reshape(b, c, h, w)
-
-
-def _jpeg(x: Tensor, quality: int) -> Tensor:
-    image = Image.fromarray((x.permute(1, 2, 0).cpu().numpy() * 255 + 0.5).astype(np.uint8))
-    buf = io.BytesIO()
-    image.save(buf, "JPEG", quality=quality)
-    y = np.asarray(Image.open(io.BytesIO(buf.getvalue())))
-    return torch.from_numpy(y.astype(np.float32) / 255).permute(2, 0, 1).to(x.device)

@@ -1,0 +1,45 @@
+"""Fixed photos of the validation materials, and the errors of a network on them."""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+from torch import nn
+
+from ..data.batches import Batch, SceneOptions, render_batch
+from ..data.pool import Pool
+from ..metrics import map_errors, trivial
+from ..render.camera import CameraNoise
+from ..render.envmap import Environments
+
+MEAN_ALBEDO, MEAN_ROUGHNESS = 0.22, 0.6
+
+
+def validation_set(pool: Pool, env: Environments, size: int, per_material: int = 3) -> list[Batch]:
+    """The scales and lights vary, nothing else is random."""
+    options = SceneOptions(
+        augment=False, fov_exact=1.0, tilt_sigma=0.0, camera=CameraNoise(plain=1.0), environment=(0.0, 0.4)
+    )
+    out = []
+    for i in range(len(pool)):
+        rng = np.random.default_rng((99, i))
+        crops = [
+            pool.crop(i, size, float(rng.choice((0.4, 0.6, 1.0))), 0.0, False, rng.random(2))
+            for _ in range(per_material)
+        ]
+        cls = torch.full((per_material,), int(pool.classes[i]))
+        out.append(render_batch(torch.stack(crops), cls, env, options, rng))
+    return out
+
+
+@torch.no_grad()
+def evaluate(network: nn.Module, val: list[Batch], device: torch.device | str) -> dict[str, float]:
+    """Mean errors over the validation photos, and those of the trivial guesses (`flat_*`); {} without photos."""
+    network.eval()
+    rows = []
+    for b in val:
+        out = {k: v.float().cpu() for k, v in network(b.input.to(device)).items()}
+        row = map_errors(out, b.target)
+        base = map_errors(trivial(b.target, MEAN_ALBEDO, MEAN_ROUGHNESS), b.target)
+        rows.append(row | {f"flat_{k}": v for k, v in base.items()})
+    return {k: float(np.mean([r[k] for r in rows])) for k in rows[0]} if rows else {}

@@ -1,0 +1,152 @@
+"""The train stage: resuming, distributed processes, learning at all, and its guard."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from small_data import material, sky
+
+from flashmat_train import checkpoint, curves
+from flashmat_train.data.batches import SceneOptions, render_batch
+from flashmat_train.data.pool import Pool
+from flashmat_train.losses import LossWeights
+from flashmat_train.model import PRESETS, Network
+from flashmat_train.render.camera import CameraNoise
+from flashmat_train.render.envmap import Environments, Source
+from flashmat_train.train import add_arguments, run
+from flashmat_train.training.step import Learner, Step
+
+
+def arguments(data: Path, out: Path, *more: str) -> argparse.Namespace:
+    parser = argparse.ArgumentParser()
+    add_arguments(parser)
+    fixed = ["--preset", "tiny", "--batch", "2", "--warmup", "2", "--no-compile", "--no-bf16", "--device", "cpu"]
+    return parser.parse_args(["--data", str(data), "--out", str(out), "--workers", "0", *fixed, *more])
+
+
+def same(a: dict, b: dict, what: str) -> None:
+    assert a.keys() == b.keys()
+    for k, v in a.items():
+        if torch.is_tensor(v):
+            assert torch.equal(v, b[k]), f"{what} {k} differs"
+
+
+def test_resume_is_bit_for_bit(data_folder: Path, tmp_path: Path) -> None:
+    """Three steps, a stop, three more: the weights of six steps at one go; the checkpoint in parts the second time."""
+    plan = ("--samples", "12", "--save-every", "3", "--eval-every", "6")
+    run(arguments(data_folder, tmp_path / "whole", *plan))
+    whole = checkpoint.load(tmp_path / "whole" / "last.pt")
+    stopped = arguments(data_folder, tmp_path / "parts", *plan, "--split-checkpoint")
+    stopped.minutes = 1e-9  # over after the first step
+    run(stopped)
+    assert checkpoint.load(tmp_path / "parts" / "last.pt")["step"] == 1
+    run(arguments(data_folder, tmp_path / "parts", *plan, "--split-checkpoint"))
+    parts = checkpoint.load(tmp_path / "parts" / "last.pt")
+    assert whole["step"] == parts["step"] == 6
+    same(whole["network"], parts["network"], "network")
+    same(whole["ema"], parts["ema"], "average")
+    for k, v in whole["optimizer"]["state"].items():
+        same(v, parts["optimizer"]["state"][k], f"optimizer {k}")
+    scores = json.loads((tmp_path / "whole" / "val.jsonl").read_text().splitlines()[-1])
+    assert scores["samples"] == 12 and scores["albedo_mse"] > 0 and "flat_normal_mse" in scores
+    assert curves.draw(tmp_path / "whole").stat().st_size > 1000
+
+
+def test_another_preset_does_not_resume(data_folder: Path, tmp_path: Path) -> None:
+    run(arguments(data_folder, tmp_path, "--samples", "2"))
+    with pytest.raises(SystemExit, match="preset tiny"):
+        run(arguments(data_folder, tmp_path, "--samples", "4", "--variant", "basic"))
+
+
+@pytest.mark.parametrize("variant", ["basic", "clsOnly"])
+def test_variants_run(data_folder: Path, tmp_path: Path, variant: str) -> None:
+    run(arguments(data_folder, tmp_path, "--samples", "2", "--variant", variant, "--light", "env"))
+    assert checkpoint.load(tmp_path / "last.pt")["step"] == 1
+
+
+@pytest.mark.parametrize(
+    ("more", "message"),
+    [
+        (("--size", "100"), "multiple of 128"),
+        (("--samples", "1"), "not one batch"),
+        (("--data", "nowhere"), "materials"),
+    ],
+)
+def test_bad_options_are_named(data_folder: Path, tmp_path: Path, more: tuple[str, ...], message: str) -> None:
+    with pytest.raises(SystemExit, match=message):
+        run(arguments(data_folder, tmp_path, *more))
+
+
+def test_two_processes_agree(data_folder: Path, tmp_path: Path) -> None:
+    """DDP with gloo: gradients are averaged, so both ranks hold the same weights after each step; it resumes too."""
+    probe = Path(__file__).with_name("ddp_probe.py")
+    command = [sys.executable, "-m", "torch.distributed.run", "--standalone", "--nproc-per-node", "2", str(probe)]
+    env = os.environ | {"OMP_NUM_THREADS": "1", "PYTHONPATH": os.pathsep.join([str(probe.parents[1]), *sys.path])}
+    for samples in ("8", "16"):
+        done = subprocess.run(
+            [*command, str(data_folder), str(tmp_path), samples], env=env, capture_output=True, text=True, timeout=240
+        )
+        assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-4000:]
+    ranks = [torch.load(tmp_path / f"rank{r}.pt") for r in (0, 1)]
+    same(ranks[0], ranks[1], "rank 1's")
+    state = checkpoint.load(tmp_path / "run" / "last.pt")
+    assert state["step"] == 4 and state["samples"] == 16
+    learnt = {k: v for k, v in state["network"].items() if "running" not in k and "num_batches" not in k}
+    same(learnt, {k: ranks[0][k] for k in learnt}, "checkpoint's")
+
+
+def one_batch() -> tuple:
+    pool = Pool([material(3)])
+    env = Environments([Source.of(sky(1))], 1, 0)
+    crop = pool.crop(0, 128, 0.9, 0.0, False, (0.5, 0.5))
+    options = SceneOptions(camera=CameraNoise(plain=1.0), tilt_sigma=0.0, light_sigma=0.0, fov_exact=1.0)
+    rng = np.random.default_rng(0)
+    return render_batch(torch.stack([crop] * 2), torch.zeros(2, dtype=torch.long), env, options, rng), crop
+
+
+def learner(lr: float = 4e-3) -> tuple[Learner, Step]:
+    torch.manual_seed(0)
+    net = Network(PRESETS["tiny"]).to(memory_format=torch.channels_last).train()
+    return Learner(net, 0.9, lr), Step(net, LossWeights(), torch.ones(8), False)
+
+
+def test_overfits_one_material() -> None:
+    """Errors fall to a small part of what a flat guess makes."""
+    batch, _ = one_batch()
+    a, step = learner()
+    first = None
+    for i in range(260):
+        a.step(step, batch, False, 4e-3 * min(1.0, (260 - i) / 100), i)
+        if i in (0, 219):
+            means = a.take_means()
+            first = first or means
+    last = a.take_means()  # of the last 40 steps
+    print("first", first, "last", last)
+    assert last["albedo"] < 0.03 * first["albedo"]
+    assert last["normal"] < 0.15 * first["normal"]
+    assert last["roughness"] < 0.05 * first["roughness"]
+    assert last["render"] < 0.05 * first["render"]
+
+
+def test_bad_gradients_are_undone() -> None:
+    batch, _ = one_batch()
+    a, step = learner()
+    for i in range(3):
+        a.step(step, batch, False, 1e-3, i)
+    a.keep()
+    want = {k: v.clone() for k, v in a.network.state_dict().items()}
+    batch.input[0, 0, 5, 5] = float("nan")
+    a.step(step, batch, False, 1e-3, 3)
+    assert not torch.isfinite(a.network.encoder[0].norm.running_mean).all()  # what the guard is for
+    means = a.take_means()
+    assert all(np.isfinite(v) for v in means.values())
+    assert a.check() == 1 and a.check() == 0
+    same(want, a.network.state_dict(), "restored")
