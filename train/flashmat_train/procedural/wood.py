@@ -303,7 +303,7 @@ def sheet_board(d: Draw, n: int) -> Surface:
     big = d.chance(0.65)
     high = d.uniform(0.04, 0.11) if big else d.uniform(0.01, 0.03)
     low = 0.35 * high
-    count = int(d.uniform(2.5, 5.0) / (0.6 * high) ** 2)
+    count = int(d.uniform(1.6, 2.6) / (0.6 * high) ** 2)
     p = torch.stack(
         (
             math.pi * d.rand(count) if d.chance(0.6) else d.uniform(0, 3) + 0.5 * d.randn(count),
