@@ -2,3 +2,5 @@
 pub mod golden;
 pub mod models;
 pub mod runs;
+#[cfg(feature = "tract")]
+pub mod snr;

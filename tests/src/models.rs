@@ -44,7 +44,8 @@ fn name(text: &str) -> [u8; 32] {
 
 impl Builder {
     fn random(&mut self) -> u32 {
-        self.state = self.state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        self.state =
+            self.state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         (self.state >> 33) as u32
     }
 
@@ -80,7 +81,15 @@ impl Builder {
     }
 
     /// A convolution with random weights; `up` applies to the first source.
-    fn conv(&mut self, text: &str, sources: &[usize], up: bool, cout: usize, kernel: usize, stride: usize) -> usize {
+    fn conv(
+        &mut self,
+        text: &str,
+        sources: &[usize],
+        up: bool,
+        cout: usize,
+        kernel: usize,
+        stride: usize,
+    ) -> usize {
         let cin: usize = sources.iter().map(|&s| self.channels[s]).sum();
         let divisor = self.divisors[sources[0]] / if up { 2 } else { 1 } * stride;
         let output = self.tensor(text, cout, divisor, 0.02, -128);
@@ -131,7 +140,8 @@ impl Builder {
     fn head(&mut self, text: &str, source: usize, map: u32, maps: usize) {
         let (cin, cout) = (self.channels[source], maps * 4);
         let (weights, bias) = (self.floats(8 * cout * 9 * cin, 0.05), self.floats(8 * cout, 0.3));
-        let fields = [(0, 4), (1, source as u32), (5, NONE), (6, 3), (7, 3), (8, 1), (14, 2), (15, map), (16, 8)];
+        let fields =
+            [(0, 4), (1, source as u32), (5, NONE), (6, 3), (7, 3), (8, 1), (14, 2), (15, map), (16, 8)];
         let pads: Vec<_> = (9..13).map(|pad| (pad, 1)).collect();
         let rest = [(17, cout as u32), (18, weights), (19, bias)];
         self.layer(text, &[&fields[..], &pads, &rest].concat());

@@ -32,7 +32,10 @@ fn levels() -> impl Iterator<Item = &'static Kernels> {
         let runs = |k: &&Kernels| k.level().is_supported() && k.level().name() == required;
         assert!(ALL.iter().copied().any(|k| runs(&k)), "{required} does not run here");
     }
-    ALL.iter().copied().filter(|k| k.level().is_supported()).inspect(|k| println!("level {}", k.level().name()))
+    ALL.iter()
+        .copied()
+        .filter(|k| k.level().is_supported())
+        .inspect(|k| println!("level {}", k.level().name()))
 }
 
 #[test]

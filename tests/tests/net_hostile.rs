@@ -148,7 +148,8 @@ fn mutated_files_never_panic() {
         state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         (state >> 33) as usize % limit
     };
-    let interesting = [0_u32, 1, 2, 3, 4, 5, 7, 8, 16, 64, 127, 128, 255, 256, 4096, 65535, 1 << 31, u32::MAX];
+    let interesting =
+        [0_u32, 1, 2, 3, 4, 5, 7, 8, 16, 64, 127, 128, 255, 256, 4096, 65535, 1 << 31, u32::MAX];
     let (graph, graph_len) = section(b"GRPH");
     let (mut accepted, mut runs) = (0, 0);
     let photo = toy_photo();

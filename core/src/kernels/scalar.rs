@@ -10,15 +10,16 @@ pub(super) static KERNELS: Kernels =
 fn panel_at(block: &Block<'_>, pixel: usize, panel: usize) -> [i32; PANEL] {
     let mut acc = [0; PANEL];
     acc.copy_from_slice(&block.offset[panel * PANEL..][..PANEL]);
-    for row in 0..block.shape.height {
-        let run = &block.band[block.pixel_start(pixel) + row * block.pitch..];
-        for group in 0..block.shape.groups() {
-            let start = panel * block.shape.panel_len() + (row * block.shape.groups() + group) * BLOCK;
-            let weights = &block.weights[start..start + BLOCK];
-            for (acc, weights) in acc.iter_mut().zip(weights.chunks_exact(GROUP)) {
-                for (&q, &w) in run[group * GROUP..].iter().zip(weights) {
-                    *acc = acc.wrapping_add(i32::from(q as i8) * i32::from(w));
-                }
+    let panel_len = block.shape.panel_len();
+    let weights = &block.weights[panel * panel_len..][..panel_len];
+    let groups = block.shape.groups();
+    for (row, weights) in weights.chunks_exact(groups * BLOCK).enumerate() {
+        let run = &block.band[block.pixel_start(pixel) + row * block.pitch..][..groups * GROUP];
+        for (four, weights) in run.as_chunks::<GROUP>().0.iter().zip(weights.as_chunks::<BLOCK>().0) {
+            let [a, b, c, d] = four.map(|byte| i32::from(byte.cast_signed()));
+            for (acc, &weights) in acc.iter_mut().zip(weights.as_chunks::<GROUP>().0) {
+                let [p, q, r, s] = weights.map(i32::from);
+                *acc = acc.wrapping_add(a * p + b * q + c * r + d * s);
             }
         }
     }

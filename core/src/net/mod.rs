@@ -21,6 +21,8 @@ pub mod quant;
 mod testing;
 #[cfg(test)]
 mod tests;
+#[cfg(feature = "tract")]
+pub mod tract;
 
 use crate::arena::Arena;
 use crate::exec::Executor;

@@ -1,0 +1,56 @@
+//! The float engine (tract) against the double-precision reference, and the int8 engine against the float engine.
+#![cfg(feature = "tract")]
+use flashmat_core::Silent;
+use flashmat_core::arena::Arena;
+use flashmat_core::exec::Inline;
+use flashmat_core::frame::LinearImage;
+use flashmat_core::kernels::Level;
+use flashmat_core::maps::MapsMut;
+use flashmat_core::net::Model;
+use flashmat_core::net::tract::FloatNetwork;
+use flashmat_core::pipeline::Engine;
+use flashmat_tests::golden::{TOY_MODEL, TOY_SIZE, toy, toy_photo};
+use flashmat_tests::snr::layer_snr;
+
+#[test]
+fn float_tensors_and_maps_are_the_reference() {
+    let (expected, rgb) = (toy(), toy_photo());
+    let model = Model::from_bytes(TOY_MODEL).expect("the golden model");
+    let network = FloatNetwork::new(model.clone(), TOY_SIZE).expect("float weights");
+    let clipped = vec![0; TOY_SIZE * TOY_SIZE];
+    let photo = LinearImage { size: TOY_SIZE, rgb: &rgb, clipped: &clipped, fov_deg: 43.35 };
+    for (number, values) in network.tensors(&photo).expect("a run") {
+        let name = model.graph().tensors()[number].name.as_str();
+        let distance = expected[&format!("float/{name}")].distance(name, &values);
+        println!("{name}: {distance:.1e}");
+        assert!(distance < 2e-5, "{name}: {distance}");
+    }
+    let pixels = TOY_SIZE * TOY_SIZE;
+    let (mut albedo, mut normal, mut roughness) =
+        (vec![0.0; 3 * pixels], vec![0.0; 3 * pixels], vec![0.0; pixels]);
+    let mut maps =
+        MapsMut { size: TOY_SIZE, albedo: &mut albedo, normal: &mut normal, roughness: &mut roughness };
+    let answer = network
+        .infer(&photo, None, &Inline, &mut Arena::new(&mut []), &mut maps, &mut Silent)
+        .expect("a run");
+    assert!(expected["float/probabilities"].distance("probabilities", &answer.predicted.0) < 1e-5);
+    for (name, values) in [("albedo", &albedo), ("normal", &normal), ("roughness", &roughness)] {
+        assert!(expected[&format!("float/map/{name}")].distance(name, values) < 2e-5, "{name}");
+    }
+}
+
+#[test]
+fn int8_follows_float_layer_by_layer() {
+    let model = Model::from_bytes(TOY_MODEL).expect("the golden model");
+    let report = layer_snr(&model, TOY_SIZE, &toy_photo(), Level::detect()).expect("both run");
+    assert_eq!(report.len(), model.graph().tensors().len() - 1);
+    for layer in &report {
+        println!(
+            "{:12} {:5.1} dB{}",
+            layer.name,
+            layer.db,
+            if layer.feeds_head { "  (decoder output)" } else { "" }
+        );
+        assert!(layer.db > if layer.feeds_head { 30.0 } else { 25.0 }, "{layer:?}");
+    }
+}
