@@ -377,7 +377,7 @@ fn exp_minus(t: f32) -> f32 {
     let shifted = scaled + SHIFT;
     let f = scaled - (shifted - SHIFT);
     // 2^f on [-1/2, 1/2]: Taylor with the last coefficient a little larger.
-    let p = 1.0 + f * (0.693_147_2 + f * (0.240_226_5 + f * (0.055_504_1 + f * 0.009_7)));
+    let p = 1.0 + f * (core::f32::consts::LN_2 + f * (0.240_226_5 + f * (0.055_504_1 + f * 0.009_7)));
     f32::from_bits(p.to_bits().wrapping_add(shifted.to_bits() << 23))
 }
 
