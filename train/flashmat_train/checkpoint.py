@@ -12,20 +12,26 @@ PART = 15 << 20
 
 
 def save(state: dict, path: Path, split: bool = False) -> None:
-    """Writes a checkpoint; `split` writes path.000, path.001, … of at most 15 MiB each instead."""
+    """Writes a checkpoint; `split` writes path.000, path.001, … of at most 15 MiB each instead.
+
+    What an earlier call left in the other form, or of more parts, is removed.
+    """
     path.parent.mkdir(parents=True, exist_ok=True)
     buffer = io.BytesIO()
     torch.save(state, buffer)
     data = buffer.getvalue()
-    if not split:
-        _replace(path, data)
-        return
-    parts = range(0, len(data), PART)
-    for i, start in enumerate(parts):
-        _replace(path.with_name(f"{path.name}.{i:03d}"), data[start : start + PART])
-    for old in path.parent.glob(path.name + ".[0-9][0-9][0-9]"):
-        if int(old.suffix[1:]) >= len(parts):
-            old.unlink()
+    if split:
+        starts = range(0, len(data), PART)
+        files = {path.with_name(f"{path.name}.{i:03d}"): data[at : at + PART] for i, at in enumerate(starts)}
+    else:
+        files = {path: data}
+    for file, content in files.items():
+        _beside(file).write_bytes(content)
+    for file in files:
+        os.replace(_beside(file), file)
+    for old in (path, *path.parent.glob(path.name + ".[0-9][0-9][0-9]")):
+        if old not in files:
+            old.unlink(missing_ok=True)
 
 
 def load(path: Path) -> dict:
@@ -45,7 +51,5 @@ def exists(path: Path) -> bool:
     return path.is_file() or path.with_name(path.name + ".000").is_file()
 
 
-def _replace(path: Path, data: bytes) -> None:
-    beside = path.with_name(path.name + ".tmp")
-    beside.write_bytes(data)
-    os.replace(beside, path)
+def _beside(path: Path) -> Path:
+    return path.with_name(path.name + ".tmp")

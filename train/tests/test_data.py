@@ -1,0 +1,209 @@
+"""Folders, crops, augmentation, procedural pools, packs."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+import torch.nn.functional as F
+from PIL import Image
+from small_data import material, sky, write_hdr, write_material
+
+from flashmat_train import CLASSES
+from flashmat_train.data import procedural_pool
+from flashmat_train.data.batches import Crops, SceneOptions, batches
+from flashmat_train.data.materials import data_root, load, scan
+from flashmat_train.data.pool import Pool, scale_maps, srgb_decode, srgb_encode, to_bytes, to_float
+from flashmat_train.data.procedural_fresh import WINDOW, FreshPool
+from flashmat_train.pack import pack, unpack
+from flashmat_train.render.envmap import Environments, Source
+from flashmat_train.render.flash import FOV_DEG, fronto_parallel, render_point
+from flashmat_train.render.hdr import read_hdr
+
+
+def test_srgb_round_trip() -> None:
+    codes = torch.arange(256) / 255
+    assert torch.equal((srgb_encode(srgb_decode(codes)) * 255).round(), codes * 255)
+    assert srgb_decode(torch.tensor(0.5)).item() == pytest.approx(0.2140411, abs=1e-6)
+    assert srgb_encode(torch.tensor(0.002)).item() == pytest.approx(0.02584, abs=1e-6)
+
+
+def test_bytes_round_trip() -> None:
+    maps = torch.from_numpy(material(1).maps)
+    again = to_bytes(to_float(maps))
+    assert torch.equal(again[:3], maps[:3]) and torch.equal(again[6], maps[6])
+    assert (again[3:6].int() - maps[3:6].int()).abs().max() <= 1
+
+
+def test_scan_names_bad_folders(tmp_path: Path) -> None:
+    root = tmp_path / "materials"
+    for name in ("good", "lacking", "uneven", "broken", "small"):
+        write_material(root / "wood" / name, 1, 96 if name == "small" else 160)
+    write_material(root / "water" / "sea", 1)
+    (root / "wood" / "lacking" / "normal.png").unlink()
+    Image.new("L", (170, 160)).save(root / "wood" / "uneven" / "roughness.png")
+    (root / "wood" / "broken" / "albedo.png").write_bytes(b"not a picture")
+    entries, problems = scan(tmp_path)
+    assert [e.name for e in entries] == ["good"]
+    text = "\n".join(problems)
+    for needle in ("lacking: no normal map", "uneven: map sizes differ", "broken", "small: maps under 128", "water"):
+        assert needle in text
+    assert len(problems) == 5
+    # cut short: the header is fine, the pixels are not
+    data = (root / "wood" / "good" / "albedo.png").read_bytes()
+    (root / "wood" / "good" / "albedo.png").write_bytes(data[: len(data) // 2])
+    with pytest.raises(OSError, match="good"):
+        load(scan(tmp_path)[0][0])
+
+
+def test_no_data_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("FLASHMAT_DATA", raising=False)
+    with pytest.raises(SystemExit, match="FLASHMAT_DATA"):
+        data_root(None)
+    with pytest.raises(SystemExit, match="materials"):
+        data_root(str(tmp_path))
+
+
+def test_hdr_reads_what_was_written(tmp_path: Path) -> None:
+    want = sky(2, 16)
+    write_hdr(tmp_path / "a.hdr", want)
+    assert np.abs(read_hdr(tmp_path / "a.hdr") - want).max() / want.max() < 0.01
+    (tmp_path / "b.hdr").write_bytes(b"#?RADIANCE\n\n-Y 16 +X 32\n\x02\x02\x00\x20\x90")
+    with pytest.raises(ValueError, match=r"b\.hdr"):
+        read_hdr(tmp_path / "b.hdr")
+
+
+def render(maps: torch.Tensor, light: torch.Tensor) -> torch.Tensor:
+    m = maps[None]
+    geometry = fronto_parallel(m.shape[-1], torch.tensor([FOV_DEG]))
+    return render_point(m[:, :3], m[:, 3:6], m[:, 6:], 0.05, geometry, light[None])[0]
+
+
+def turned_light(light: torch.Tensor, angle: float, flip: bool) -> torch.Tensor:
+    """Where the light must be for a crop turned by `angle` and flipped: its target shows the source at R(angle)."""
+    c, s = math.cos(angle), math.sin(angle)
+    x, y = c * light[0] - s * light[1], s * light[0] + c * light[1]
+    return torch.stack((-x if flip else x, y, light[2]))
+
+
+@pytest.mark.parametrize("flip", [False, True])
+@pytest.mark.parametrize("quarter", range(4))
+def test_render_of_turned_maps_is_turned_render(quarter: int, flip: bool) -> None:
+    """Exact for quarter turns: pixels fall on pixels."""
+    pool, light = Pool([material(5)]), torch.tensor([0.5, 0.2, 0.8])
+    place = {"i": 0, "size": 128, "scale": 0.8, "centre": (0.5, 0.5)}
+    straight = render(pool.crop(angle=0.0, flip=False, **place), light)
+    angle = quarter * math.pi / 2
+    turned = render(pool.crop(angle=angle, flip=flip, **place), turned_light(light, angle, flip))
+    want = torch.rot90(straight, quarter, (1, 2))
+    if flip:
+        want = want.flip(2)
+    assert (turned - want).abs().max() < 2e-3
+
+
+@pytest.mark.parametrize("flip", [False, True])
+def test_render_of_maps_turned_by_45_degrees(flip: bool) -> None:
+    """Up to interpolation, inside the circle that both crops hold."""
+    pool, light = Pool([material(6, size=256)]), torch.tensor([0.3, -0.6, 0.9])
+    place = {"i": 0, "size": 128, "scale": 0.5, "centre": (0.45, 0.55)}
+    angle = math.pi / 4
+    straight = render(pool.crop(angle=0.0, flip=False, **place), light)
+    turned = render(pool.crop(angle=angle, flip=flip, **place), turned_light(light, angle, flip))
+    u = (torch.arange(128) + 0.5) / 64 - 1
+    y, x = torch.meshgrid(u, u, indexing="ij")
+    x_in = -x if flip else x
+    c, s = math.cos(angle), math.sin(angle)
+    grid = torch.stack((c * x_in - s * y, s * x_in + c * y), -1)[None]
+    want = F.grid_sample(straight[None], grid, align_corners=False)[0]
+    inside = (x * x + y * y < 0.9)[None].expand_as(want)
+    error = (turned - want).abs()[inside] / want[inside]
+    print(f"mean relative difference {error.mean():.4f}")
+    assert error.mean() < 0.01
+
+
+def test_crops_wrap_around() -> None:
+    """A crop about a corner of a tiling material is what the material rolled by half shows at its centre."""
+    m = material(8)
+    rolled = type(m)(0, "rolled", np.roll(m.maps, (80, 80), axis=(1, 2)))
+    pool = Pool([m, rolled])
+    corner = pool.crop(0, 128, 0.8, 0.0, False, (0.0, 0.0))
+    assert torch.allclose(corner, pool.crop(1, 128, 0.8, 0.0, False, (0.5, 0.5)), atol=1e-6)
+
+
+def test_scaling_keeps_maps_valid() -> None:
+    maps = to_float(torch.from_numpy(material(2).maps))
+    for seed in range(20):
+        x = scale_maps(maps, np.random.default_rng(seed))
+        assert (x[3:6].norm(dim=0) - 1).abs().max() < 1e-5
+        assert x[:3].min() >= 0 and x[:3].max() <= 1 and x[6].min() >= 0.02 and x[6].max() <= 1
+
+
+def test_batches_do_not_depend_on_workers_or_start() -> None:
+    pools = [(Pool([material(1, 0), material(2, 3)]), 1.0)]
+    env = Environments([Source.of(sky(1))], 1, 0)
+
+    def take(workers: int, start: int) -> list[torch.Tensor]:
+        crops = Crops(pools, 128, 5, True, 8)
+        return [b.input for b in batches(crops, env, SceneOptions(), 2, start, "cpu", workers)]
+
+    whole = take(0, 0)
+    assert len(whole) == 4
+    for other in (take(2, 0), [*whole[:2], *take(0, 2)]):
+        assert all(torch.equal(a, b) for a, b in zip(whole, other, strict=True))
+
+
+def test_procedural_pool(tmp_path: Path) -> None:
+    args = argparse.Namespace(out=tmp_path, count=3, size=128, seed=2, threads=1)
+    procedural_pool.run(args)
+    procedural_pool.run(args)  # those already there stay
+    materials = procedural_pool.read_pool(tmp_path)
+    assert [m.cls for m in materials] == sorted(m.cls for m in materials) == [0, 1, 2]
+    assert all(m.maps.shape == (7, 128, 128) and m.maps.dtype == np.uint8 for m in materials)
+    assert materials[0].name.startswith(CLASSES[0])
+    np.save(tmp_path / "wood--plank--9.npy", np.zeros((3, 4)))
+    with pytest.raises(SystemExit, match="wood--plank--9"):
+        procedural_pool.read_pool(tmp_path)
+    with pytest.raises(SystemExit, match="procedural"):
+        procedural_pool.read_pool(tmp_path / "empty")
+
+
+def test_fresh_materials_follow_the_sample_number() -> None:
+    pool = FreshPool(seed=3, lanes=2, batch=2, reuse=4, size=128)
+
+    def numbers(samples: range) -> set[int]:
+        return {pool.number(np.random.default_rng(i), i) for i in samples}
+
+    assert len(numbers(range(400))) > 60
+    lane0 = {pool.number(np.random.default_rng(i), i) for b in range(0, 50, 2) for i in (2 * b, 2 * b + 1)}
+    assert all(n % 2 == 0 for n in lane0) and max(lane0) <= 2 * (50 * 2 // 2 // 4 + WINDOW)
+    one, cls = pool.draw_for(5, np.random.default_rng(5), 128)
+    again, other = FreshPool(3, 2, 2, 4, 128).draw_for(5, np.random.default_rng(5), 128)
+    assert cls == other and torch.equal(one, again) and one.shape == (7, 128, 128)
+
+
+def test_pack_round_trip(data_folder: Path, tmp_path: Path) -> None:
+    entries = [e for e in scan(data_folder)[0] if e.split != "test"]
+    sources = [Source.of(read_hdr(f)) for f in sorted((data_folder / "envmaps").glob("*.hdr"))]
+    path = tmp_path / "materials.pack"
+    quality = pack(entries, sources, path, 144, 20.0)
+    train, val, env = unpack(path, rotations=1)
+    assert quality == 93 and len(train) == 16 and len(val) == 8 and len(env) == 2
+    straight = Environments(sources, 1, 7)
+    assert (env.specular - straight.specular).abs().max() < 0.01 * straight.specular.max()
+    by_name = {m.name: m for m in train}
+    for e in entries:
+        if e.split == "train":
+            maps = by_name[e.name].maps
+            assert maps.shape == (7, 144, 144) and by_name[e.name].cls == e.cls
+    small = Pool([by_name[entries[0].name]]).crop(0, 128, 0.9, 0.0, False, (0.5, 0.5))
+    full = Pool([load(entries[0])]).crop(0, 128, 0.9, 0.0, False, (0.5, 0.5))
+    assert (small - full).abs().mean() < 0.02
+    with pytest.raises(SystemExit, match="do not fit"):
+        pack(entries, sources, path, 144, 0.01)
+    path.write_bytes(path.read_bytes()[:1000])
+    with pytest.raises(SystemExit, match=r"materials\.pack"):
+        unpack(path)
