@@ -182,7 +182,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut out = std::io::BufWriter::new(std::fs::File::create(path)?);
     let cases = cases();
     out.write_all(b"FMREF001")?;
-    let mut ints = |out: &mut dyn Write, values: &[usize]| -> std::io::Result<()> {
+    let ints = |out: &mut dyn Write, values: &[usize]| -> std::io::Result<()> {
         values.iter().try_for_each(|&value| out.write_all(&(value as i32).to_be_bytes()))
     };
     ints(&mut out, &[cases.len()])?;
