@@ -30,19 +30,26 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
     p.add_argument("--workers", type=int, default=0)
     p.add_argument("--device", default="cuda" if torch.cuda.is_available() else "cpu")
     p.add_argument("--threads", type=int, default=0)
+    p.add_argument(
+        "--cpu-time",
+        action="store_true",
+        help="count this process's CPU seconds, not the clock's: for --threads 1 on a machine that others use too",
+    )
     p.add_argument("--no-compile", action="store_true")
     p.add_argument("--no-bf16", action="store_true")
 
 
-def seconds(work: Callable[[int], object], steps: int, device: torch.device, warm: int = 2) -> float:
-    """Median time of one call, on the wall clock."""
+def seconds(
+    work: Callable[[int], object], steps: int, device: torch.device, clock: Callable[[], float], warm: int = 2
+) -> float:
+    """Median time of one call."""
     times = []
     for i in range(warm + steps):
-        begin = time.perf_counter()
+        begin = clock()
         work(i)
         if device.type == "cuda":
             torch.cuda.synchronize()
-        times.append(time.perf_counter() - begin)
+        times.append(clock() - begin)
     return float(np.median(times[warm:]))
 
 
@@ -69,19 +76,22 @@ def measure(
 ) -> tuple[float, float, float, float]:
     """Seconds a step: all together, crops alone, rendering alone, network alone."""
     b, count = args.batch, args.steps + 2
+    clock = time.process_time if args.cpu_time else time.perf_counter
     data = Crops(pools, size, 1, True, b * count * 2)
     options = SceneOptions()
-    crops = seconds(lambda i: [data[i * b + k] for k in range(b)], args.steps, device)
+    crops = seconds(lambda i: [data[i * b + k] for k in range(b)], args.steps, device, clock)
     drawn = [data[k] for k in range(b)]
     maps, cls = torch.stack([m for m, _ in drawn]).to(device), torch.tensor([c for _, c in drawn]).to(device)
     rng = np.random.default_rng(1)
-    render = seconds(lambda _: render_batch(maps, cls, env, options, rng), args.steps, device)
+    render = seconds(lambda _: render_batch(maps, cls, env, options, rng), args.steps, device, clock)
     batch = render_batch(maps, cls, env, options, rng)
     net = Network(PRESETS[args.preset]).to(device, memory_format=torch.channels_last).train()
     learner = Learner(net, 0.999, 1e-4)
     module = Step(net, LossWeights(), class_weights(pools).to(device), False)
     forward = module if args.no_compile else torch.compile(module)
-    network = seconds(lambda i: learner.step(forward, batch, not args.no_bf16, 1e-4, i), args.steps, device)
+    network = seconds(lambda i: learner.step(forward, batch, not args.no_bf16, 1e-4, i), args.steps, device, clock)
     source = batches(data, env, options, b, 0, device, args.workers)
-    together = seconds(lambda i: learner.step(forward, next(source), not args.no_bf16, 1e-4, i), args.steps, device)
+    together = seconds(
+        lambda i: learner.step(forward, next(source), not args.no_bf16, 1e-4, i), args.steps, device, clock
+    )
     return together, crops, render, network

@@ -22,7 +22,7 @@ def test_renderer_agrees_with_mitsuba(real_or_generated: Path) -> None:
         env=os.environ | {"PYTHONPATH": path},
         capture_output=True,
         text=True,
-        timeout=300,
+        timeout=900,
     )
     print(done.stdout, done.stderr[-2000:])
     if not required and ("Mitsuba has no variant that runs here" in done.stderr or "LLVM ERROR" in done.stderr):
