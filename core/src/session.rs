@@ -2,8 +2,9 @@
 use crate::exec::{Executor, Inline};
 use crate::frame::Frame;
 use crate::kernels::{Kernels, Level};
-use crate::net::Model;
-use crate::pipeline::{self, Capture, CaptureOptions, Engine, Pipeline};
+use crate::net::scales::Scales;
+use crate::net::{Model, Network};
+use crate::pipeline::{self, Capture, CaptureOptions, Engine};
 use crate::{Error, Observer};
 use alloc::boxed::Box;
 use alloc::vec::Vec;
@@ -41,8 +42,9 @@ impl<'m> Session<'m> {
     /// memory cannot be had.
     pub fn new(model: Model<'m>, options: &SessionOptions) -> Result<Self, Error> {
         let level = level(options.level)?;
-        let pipeline = Pipeline::new(model, options.size, Kernels::for_level(level)?)?;
-        Self::with_engine(Box::new(pipeline), level, options.threads)
+        let kernels = Kernels::for_level(level)?;
+        let engine = Scales::new(&model, options.size, |size| Network::new(model.clone(), size, kernels))?;
+        Self::with_engine(Box::new(engine), level, options.threads)
     }
 
     /// A session over the float engine (tract) of the same model.
@@ -51,16 +53,15 @@ impl<'m> Session<'m> {
     /// As [`Session::new`], and [`Error::Float`] when the model has no float weights or tract refuses them.
     #[cfg(feature = "tract")]
     pub fn float(model: Model<'m>, options: &SessionOptions) -> Result<Self, Error> {
-        let engine = crate::net::tract::FloatNetwork::new(model, options.size)?;
+        use crate::net::tract::FloatNetwork;
+        let engine = Scales::new(&model, options.size, |size| FloatNetwork::new(model.clone(), size))?;
         Self::with_engine(Box::new(engine), level(options.level)?, options.threads)
     }
 
     fn with_engine(engine: Box<dyn Engine + Send + 'm>, level: Level, threads: usize) -> Result<Self, Error> {
         let needed = pipeline::workspace_bytes(&*engine);
         let mut workspace = Vec::new();
-        workspace
-            .try_reserve_exact(needed)
-            .map_err(|_| Error::WorkspaceTooSmall { needed, available: 0 })?;
+        workspace.try_reserve_exact(needed).map_err(|_| Error::WorkspaceTooSmall { needed, available: 0 })?;
         workspace.resize(needed, 0);
         Ok(Self { engine, exec: executor(threads)?, workspace, level })
     }

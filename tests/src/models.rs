@@ -178,7 +178,8 @@ pub fn random_model(widths: &Widths, seed: u64) -> Vec<u8> {
     graph.extend(&b.tensors);
     graph.extend(&b.layers);
     let crf: Vec<u8> = [0.5_f32; 96].iter().flat_map(|v| v.to_le_bytes()).collect();
-    let defaults: Vec<u8> = [43.35_f32, 1.0, 1.0, 1.0].iter().flat_map(|v| v.to_le_bytes()).collect();
+    let mut defaults: Vec<u8> = [43.35_f32, 1.0, 1.0, 1.0].iter().flat_map(|v| v.to_le_bytes()).collect();
+    defaults.extend(0_u32.to_le_bytes());
     let sections: [(&[u8; 4], &[u8]); 7] = [
         (b"META", b"{\"name\": \"random\"}"),
         (b"GRPH", &graph),

@@ -3,7 +3,7 @@ use flashmat_core::arena::Arena;
 use flashmat_core::exec::Executor;
 use flashmat_core::frame::LinearImage;
 use flashmat_core::maps::MapsMut;
-use flashmat_core::net::{Class, Classification, Network, Tap};
+use flashmat_core::net::{Class, ClassProbabilities, Classification, Network, Tap};
 use flashmat_core::{Error, Silent};
 
 /// Memory of a network run, to be used again and again.
@@ -44,6 +44,7 @@ impl NetRun {
         exec: &dyn Executor,
         tap: Option<&mut dyn Tap>,
     ) -> Result<Classification, Error> {
+        let mixing = class.map(ClassProbabilities::certain);
         let photo = LinearImage { size: self.size, rgb: &self.rgb, clipped: &self.clipped, fov_deg: 43.35 };
         let mut maps = MapsMut {
             size: self.size,
@@ -53,8 +54,8 @@ impl NetRun {
         };
         let mut arena = Arena::new(&mut self.workspace);
         match tap {
-            Some(tap) => network.run_tapped(&photo, class, exec, &mut arena, &mut maps, &mut Silent, tap),
-            None => network.run(&photo, class, exec, &mut arena, &mut maps, &mut Silent),
+            Some(tap) => network.run_tapped(&photo, mixing, exec, &mut arena, &mut maps, &mut Silent, tap),
+            None => network.run(&photo, mixing, exec, &mut arena, &mut maps, &mut Silent),
         }
     }
 

@@ -148,6 +148,7 @@ class Defaults:
     light_distance: float = 1.0  # above the plane, in plane units
     light_strength: float = 1.0  # radiance of a flat white Lambertian at the centre
     exposure: float = 1.0  # scale from radiance to the network's linear input
+    base_size: int = 128  # pixels a side of the training photos: larger ones are seen at this size first; 0: no limit
 
 
 @dataclass
@@ -359,7 +360,12 @@ def model_bytes(model: Model) -> bytes:
         "PARM": bytes(work["PARM"].data),
         "CRFC": crf.astype("<f4").tobytes(),
         "DFLT": struct.pack(
-            "<4f", defaults.fov_deg, defaults.light_distance, defaults.light_strength, defaults.exposure
+            "<4fI",
+            defaults.fov_deg,
+            defaults.light_distance,
+            defaults.light_strength,
+            defaults.exposure,
+            defaults.base_size,
         ),
         "CARD": model.card.encode(),
     }
@@ -475,6 +481,6 @@ def parse_model(data: bytes) -> Model:
         json.loads(sections["META"]),
         Graph(tensors, layers, tensors[input_id].name, tensors[logits_id].name),
         _floats(sections["CRFC"], 0, (8, CRF_COEFFICIENTS)),
-        Defaults(*struct.unpack("<4f", sections["DFLT"])),
+        Defaults(*struct.unpack("<4fI", sections["DFLT"])),
         sections["CARD"].decode(),
     )

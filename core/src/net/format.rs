@@ -80,6 +80,9 @@ pub struct Defaults {
     pub light_strength: f32,
     /// Scale from radiance to the network's linear input.
     pub exposure: f32,
+    /// Pixels per side that the network was trained at: larger photos are seen at this size first, at their own for
+    /// the detail only (`net::scales`). 0: every size alike.
+    pub base_size: u32,
 }
 
 /// The sections of a model file whose container rules hold.
@@ -217,7 +220,7 @@ fn read_crf(section: &[u8]) -> Result<F32s<'_>, ModelError> {
 }
 
 fn read_defaults(section: &[u8]) -> Result<Defaults, ModelError> {
-    if section.len() != 16 {
+    if section.len() != 20 {
         return Err(ModelError::SectionLength { kind: *b"DFLT" });
     }
     let mut values = [0.0; 4];
@@ -225,11 +228,13 @@ fn read_defaults(section: &[u8]) -> Result<Defaults, ModelError> {
         *value = read;
     }
     let [fov_deg, light_distance, light_strength, exposure] = values;
+    let base_size = u32_at(section, 16);
     let positive = |v: f32| v.is_finite() && v > 0.0;
     if (1.0..=170.0).contains(&fov_deg)
         && [light_distance, light_strength, exposure].into_iter().all(positive)
+        && base_size as usize <= crate::frame::MAX_SIZE
     {
-        Ok(Defaults { fov_deg, light_distance, light_strength, exposure })
+        Ok(Defaults { fov_deg, light_distance, light_strength, exposure, base_size })
     } else {
         Err(ModelError::Defaults)
     }

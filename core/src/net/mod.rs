@@ -17,6 +17,7 @@ mod op_mix;
 mod op_pool;
 mod plan;
 pub mod quant;
+pub mod scales;
 #[cfg(test)]
 mod testing;
 #[cfg(test)]
@@ -152,13 +153,20 @@ impl<'m> Network<'m> {
         &self.model
     }
 
+    /// Pixels per side.
+    #[must_use]
+    pub fn size(&self) -> usize {
+        self.plan.size
+    }
+
     /// Bytes of workspace that a run takes from its arena; they are free again when it ends.
     #[must_use]
     pub fn workspace_bytes(&self) -> usize {
         self.plan.bytes()
     }
 
-    /// Runs the network: `maps` gets the first maps. `class` overrides the classifier in the mixing.
+    /// Runs the network: `maps` gets the first maps. `mixing` overrides the classifier's
+    /// probabilities in the heads.
     ///
     /// # Errors
     /// [`Error::NetworkSize`] or [`Error::PlaneLength`] when photo or maps are of another size than planned,
@@ -166,13 +174,13 @@ impl<'m> Network<'m> {
     pub fn run(
         &self,
         photo: &LinearImage<'_>,
-        class: Option<Class>,
+        mixing: Option<ClassProbabilities>,
         exec: &dyn Executor,
         arena: &mut Arena<'_>,
         maps: &mut MapsMut<'_>,
         observer: &mut dyn Observer,
     ) -> Result<Classification, Error> {
-        self.run_tapped(photo, class, exec, arena, maps, observer, &mut NoTap)
+        self.run_tapped(photo, mixing, exec, arena, maps, observer, &mut NoTap)
     }
 
     /// [`Network::run`], showing every tensor to `tap`.
@@ -183,7 +191,7 @@ impl<'m> Network<'m> {
     pub fn run_tapped(
         &self,
         photo: &LinearImage<'_>,
-        class: Option<Class>,
+        mixing: Option<ClassProbabilities>,
         exec: &dyn Executor,
         arena: &mut Arena<'_>,
         maps: &mut MapsMut<'_>,
@@ -205,7 +213,7 @@ impl<'m> Network<'m> {
             }
             state.step(layer, &classification.used, scope.scope(), maps)?;
             if layer.op.output() == Some(self.model.graph.logits) {
-                classification = state.classify(class);
+                classification = state.classify(mixing);
             }
         }
         Ok(classification)
@@ -269,11 +277,11 @@ impl<'m> State<'_, 'm> {
         }
     }
 
-    fn classify(&self, class: Option<Class>) -> Classification {
+    fn classify(&self, mixing: Option<ClassProbabilities>) -> Classification {
         let place = self.place(self.graph().logits);
         let logits = self.vectors.get(place.start..).and_then(<[f32]>::first_chunk);
         let predicted = logits.map_or(ClassProbabilities::UNIFORM, ClassProbabilities::softmax);
-        Classification { predicted, used: class.map_or(predicted, ClassProbabilities::certain) }
+        Classification { predicted, used: mixing.unwrap_or(predicted) }
     }
 
     fn step(

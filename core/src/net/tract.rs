@@ -4,7 +4,7 @@
 //!
 //! Unlike the int8 engine it needs `std` and allocates, and its bits may differ between CPUs.
 use super::activation;
-use super::classes::{CLASSES, Class, ClassProbabilities, Map};
+use super::classes::{CLASSES, ClassProbabilities, Map};
 use super::format::F32s;
 use super::graph::{Dense, INPUT, INPUT_CHANNELS, MixHead, Op, Sources, Window};
 use super::{Classification, Model, split3};
@@ -95,7 +95,7 @@ impl Engine for FloatNetwork<'_> {
     fn infer(
         &self,
         photo: &LinearImage<'_>,
-        class: Option<Class>,
+        mixing: Option<ClassProbabilities>,
         _exec: &dyn Executor,
         _arena: &mut Arena<'_>,
         maps: &mut MapsMut<'_>,
@@ -116,7 +116,7 @@ impl Engine for FloatNetwork<'_> {
                 predicted = logits.map_or(predicted, ClassProbabilities::softmax);
             }
         }
-        let used = class.map_or(predicted, ClassProbabilities::certain);
+        let used = mixing.unwrap_or(predicted);
         for (layer, values) in graph.layers().iter().zip(&outputs) {
             if let Op::MixHead(head) = &layer.op {
                 let map = match head.map {

@@ -12,6 +12,7 @@ use crate::exec::Executor;
 use crate::frame::{self, FieldOfView, Frame, LinearImage};
 use crate::kernels::Kernels;
 use crate::maps::{Maps, MapsMut};
+use crate::net::scales::Scales;
 use crate::net::{Class, ClassProbabilities, Classification, Model, Network};
 use crate::search;
 use crate::{Error, Observer, Stage};
@@ -72,14 +73,14 @@ pub trait Engine {
     fn size(&self) -> usize;
     /// Bytes of workspace for one run.
     fn workspace_bytes(&self) -> usize;
-    /// Photo to first maps.
+    /// Photo to first maps; `mixing` overrides the classifier's probabilities in the heads.
     ///
     /// # Errors
     /// As the engine's own.
     fn infer(
         &self,
         photo: &LinearImage<'_>,
-        class: Option<Class>,
+        mixing: Option<ClassProbabilities>,
         exec: &dyn Executor,
         arena: &mut Arena<'_>,
         maps: &mut MapsMut<'_>,
@@ -87,37 +88,36 @@ pub trait Engine {
     ) -> Result<Classification, Error>;
 }
 
-/// The int8 network at one size, with the stages around it.
-#[derive(Clone, Debug)]
-pub struct Pipeline<'m> {
-    network: Network<'m>,
-    size: usize,
-}
-
-impl Engine for Pipeline<'_> {
+impl Engine for Network<'_> {
     fn model(&self) -> &Model<'_> {
-        self.network.model()
+        self.model()
     }
 
     fn size(&self) -> usize {
-        self.size
+        self.size()
     }
 
     fn workspace_bytes(&self) -> usize {
-        self.network.workspace_bytes()
+        self.workspace_bytes()
     }
 
     fn infer(
         &self,
         photo: &LinearImage<'_>,
-        class: Option<Class>,
+        mixing: Option<ClassProbabilities>,
         exec: &dyn Executor,
         arena: &mut Arena<'_>,
         maps: &mut MapsMut<'_>,
         observer: &mut dyn Observer,
     ) -> Result<Classification, Error> {
-        self.network.run(photo, class, exec, arena, maps, observer)
+        self.run(photo, mixing, exec, arena, maps, observer)
     }
+}
+
+/// The int8 network at one size, with the stages around it.
+#[derive(Clone, Debug)]
+pub struct Pipeline<'m> {
+    network: Scales<Network<'m>>,
 }
 
 impl<'m> Pipeline<'m> {
@@ -126,13 +126,14 @@ impl<'m> Pipeline<'m> {
     /// # Errors
     /// As [`Network::new`].
     pub fn new(model: Model<'m>, size: usize, kernels: &'static Kernels) -> Result<Self, Error> {
-        Ok(Self { network: Network::new(model, size, kernels)?, size })
+        let network = Scales::new(&model, size, |size| Network::new(model.clone(), size, kernels))?;
+        Ok(Self { network })
     }
 
     /// Bytes of workspace that [`Pipeline::run`] needs.
     #[must_use]
     pub fn workspace_bytes(&self) -> usize {
-        workspace_bytes(self)
+        workspace_bytes(&self.network)
     }
 
     /// One photo through all stages.
@@ -147,7 +148,7 @@ impl<'m> Pipeline<'m> {
         workspace: &'a mut [u8],
         observer: &mut dyn Observer,
     ) -> Result<Capture<'a>, Error> {
-        run(self, frame, options, exec, workspace, observer)
+        run(&self.network, frame, options, exec, workspace, observer)
     }
 }
 

@@ -9,7 +9,7 @@ use crate::crf::{self, Albedo, Coefficients, Normal, Roughness};
 use crate::exec::Executor;
 use crate::frame::LinearImage;
 use crate::maps::{Maps, MapsMut};
-use crate::net::{Class, Classification, Model};
+use crate::net::{Class, ClassProbabilities, Classification, Model};
 use crate::{Observer, search};
 
 /// What every stage of a run reads.
@@ -71,8 +71,8 @@ impl<'a> First<'a> {
             normal: arena.take(3 * plane)?,
             roughness: arena.take(plane)?,
         };
-        let class = run.options.class;
-        let classification = engine.infer(&run.photo, class, run.exec, arena, &mut maps, observer)?;
+        let mixing = run.options.class.map(ClassProbabilities::certain);
+        let classification = engine.infer(&run.photo, mixing, run.exec, arena, &mut maps, observer)?;
         Ok(Self { maps, classification })
     }
 
@@ -87,8 +87,7 @@ impl<'a> First<'a> {
         let albedo = arena.take(self.maps.albedo.len())?;
         let mut solver = SolverReports::default();
         if run.options.refine {
-            let energy =
-                Albedo { size: self.maps.size, photo: run.photo.rgb, albedo: self.maps.albedo };
+            let energy = Albedo { size: self.maps.size, photo: run.photo.rgb, albedo: self.maps.albedo };
             solver[0] =
                 crf::refine(&energy, &coefficients.albedo, &run.options.solver, albedo, run.exec, arena)?;
         } else {
@@ -99,7 +98,11 @@ impl<'a> First<'a> {
 }
 
 impl<'a> WithAlbedo<'a> {
-    pub(super) fn normal(mut self, run: &Run<'_, 'a>, arena: &mut Arena<'a>) -> Result<WithNormal<'a>, Error> {
+    pub(super) fn normal(
+        mut self,
+        run: &Run<'_, 'a>,
+        arena: &mut Arena<'a>,
+    ) -> Result<WithNormal<'a>, Error> {
         let normal = arena.take(self.first.maps.normal.len())?;
         if run.options.refine {
             let energy =
@@ -125,8 +128,12 @@ impl<'a> WithNormal<'a> {
         if run.options.refine {
             let mut scope = arena.scope();
             let render = scope.take::<f32>(3 * size * size)?;
-            let maps =
-                Maps { size, albedo: self.before.albedo, normal: self.normal, roughness: first.maps.roughness };
+            let maps = Maps {
+                size,
+                albedo: self.before.albedo,
+                normal: self.normal,
+                roughness: first.maps.roughness,
+            };
             let strength = super::relight(&maps, f0, &run.photo, run.exec, render)?;
             let light = Light { strength, ..Light::default() };
             search::roughness(
