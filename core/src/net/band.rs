@@ -179,9 +179,9 @@ mod tests {
                 let mut band = vec![0xEE; bands.len];
                 bands.fill(inputs.iter().copied(), start, rows, flip, &mut band);
                 for row in 0..rows + 2 {
-                    for column in 0..8 {
+                    for column in 0..8_usize {
                         for c in 0..7 {
-                            let (y, x) = ((start + row).wrapping_sub(1), (column as usize).wrapping_sub(1));
+                            let (y, x) = ((start + row).wrapping_sub(1), column.wrapping_sub(1));
                             let want = match (y < 6 && x < 6, c < 4) {
                                 (false, true) => -7,
                                 (false, false) => 9,
@@ -203,7 +203,7 @@ mod tests {
             for cin in [5, 32, 72, 512] {
                 let window = Window { height: 3, width: 3, stride: 1, pad: [1, 1, 1, 1] };
                 let bands = Bands::new(&window, cin, side);
-                assert!(bands.slots <= SLOTS && bands.rows >= 1 && bands.slot_rows % bands.rows == 0);
+                assert!(bands.slots <= SLOTS && bands.rows >= 1 && bands.slot_rows.is_multiple_of(bands.rows));
                 assert!(bands.slots * bands.slot_rows >= side && (bands.slots - 1) * bands.slot_rows < side);
             }
         }

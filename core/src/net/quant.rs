@@ -50,7 +50,7 @@ impl Range {
 #[inline]
 #[must_use]
 pub fn weight_code(weight: f32, scale: f32) -> i8 {
-    round_half_even((weight / scale).max(-127.0).min(127.0)) as i8
+    round_half_even((weight / scale).clamp(-127.0, 127.0)) as i8
 }
 
 /// The real value of a code.

@@ -65,11 +65,11 @@ fn multiply<const W: usize>(block: &Block<'_>, tile: &Tile, half: usize, out: &m
             for _ in 0..groups {
                 let low = _mm256_cvtepi8_epi16(_mm_loadu_si128(weights.cast()));
                 let high = _mm256_cvtepi8_epi16(_mm_loadu_si128(weights.add(BLOCK / 4).cast()));
-                for i in 0..W {
+                for (i, pixel) in acc.iter_mut().enumerate() {
                     let four = input.add(i * step).cast::<i32>().read_unaligned();
                     let wide = _mm256_cvtepi8_epi16(_mm_set1_epi32(four));
-                    acc[i][0] = _mm256_add_epi32(acc[i][0], _mm256_madd_epi16(wide, low));
-                    acc[i][1] = _mm256_add_epi32(acc[i][1], _mm256_madd_epi16(wide, high));
+                    pixel[0] = _mm256_add_epi32(pixel[0], _mm256_madd_epi16(wide, low));
+                    pixel[1] = _mm256_add_epi32(pixel[1], _mm256_madd_epi16(wide, high));
                 }
                 input = input.add(GROUP);
                 weights = weights.add(BLOCK);

@@ -96,11 +96,11 @@ fn multiply<const R: usize, const W: usize, const P: usize>(
                 let w: [__m512i; P] =
                     core::array::from_fn(|p| _mm512_loadu_si512(weights.add(p * panel_len).cast()));
                 for r in 0..R {
-                    for i in 0..W {
+                    for (i, pixel) in acc[r].iter_mut().enumerate() {
                         let four = inputs[r].add(i * step).cast::<i32>().read_unaligned();
                         let input = _mm512_set1_epi32(four);
                         for p in 0..P {
-                            acc[r][i][p] = _mm512_dpbusd_epi32(acc[r][i][p], input, w[p]);
+                            pixel[p] = _mm512_dpbusd_epi32(pixel[p], input, w[p]);
                         }
                     }
                     inputs[r] = inputs[r].add(GROUP);
@@ -109,10 +109,10 @@ fn multiply<const R: usize, const W: usize, const P: usize>(
             }
         }
     }
-    for r in 0..R {
-        for i in 0..W {
-            for p in 0..P {
-                store(block, tile.pixels[r] + i, panel + p, acc[r][i][p], out);
+    for (run, first) in acc.into_iter().zip(tile.pixels) {
+        for (i, pixel) in run.into_iter().enumerate() {
+            for (p, sums) in pixel.into_iter().enumerate() {
+                store(block, first + i, panel + p, sums, out);
             }
         }
     }
