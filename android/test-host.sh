@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Tests the Android library on this machine's JVM: the same native crate, built for Linux, under -Xcheck:jni.
-#   android/test-host.sh             FLASHMAT_CAPTURES=10000 for the long memory test
+#   android/test-host.sh             FLASHMAT_CAPTURES=10000 FLASHMAT_REFINE=1 for the long memory test
 # Needs cargo, a JDK (8 or later, 17 tested); installs JUnit 5 with apt and the Kotlin compiler with npm where missing.
 # Prints "N passed, N failed"; fails on any failed test and on any WARNING or FATAL of the JVM's JNI checks.
 set -euo pipefail
@@ -52,7 +52,7 @@ javac --release 8 -Xlint:all,-options -Werror -d "$out/classes" "$here"/stubs/an
   "$lib"/main/java/com/flashmat/*.java
 kotlinc() { bash "$kotlin/bin/kotlinc-jvm" -no-stdlib -no-reflect -nowarn "$@"; }
 kotlinc -jvm-target 1.8 -Xexplicit-api=strict -cp "$out/classes:$libs" -d "$out/classes" "$lib"/main/kotlin/com/flashmat/*.kt
-javac --release 8 -Xlint:all,-options,-processing,-classfile -d "$out/test" -cp "$out/classes:$junit" \
+javac --release 8 -Xlint:all,-options,-processing,-classfile,-path -d "$out/test" -cp "$out/classes:$junit" \
   "$lib"/test/java/com/flashmat/*.java
 kotlinc -jvm-target 1.8 -cp "$out/classes:$out/test:$libs:$junit" -d "$out/test" "$lib"/test/kotlin/com/flashmat/*.kt
 
@@ -60,7 +60,7 @@ echo "-- tests under -Xcheck:jni"
 log=$out/test.log
 status=0
 java -Xcheck:jni -Xmx256m -XX:MaxDirectMemorySize=256m -Dcom.flashmat.library="$target/debug/libflashmat_jni.so" \
-  -Dcom.flashmat.captures="${FLASHMAT_CAPTURES:-300}" -Dcom.flashmat.artefacts="$out/artefacts" \
+  -Dcom.flashmat.captures="${FLASHMAT_CAPTURES:-300}" -Dcom.flashmat.refine="${FLASHMAT_REFINE:-20}" -Dcom.flashmat.artefacts="$out/artefacts" \
   -cp "$out/classes:$out/test:$libs:$junit" org.junit.platform.console.ConsoleLauncher \
   --scan-classpath "$out/test" --details "${FLASHMAT_DETAILS:-tree}" --disable-banner >"$log" 2>&1 || status=$?
 sed 's/\x1b\[[0-9;]*m//g' "$log" | grep -v '^\[ .* \(containers\|aborted\|skipped\)' || true

@@ -13,7 +13,8 @@ import org.junit.jupiter.api.Test;
 
 /**
  * Many captures on one engine, and engines opened and closed, do not grow the process. {@code
- * -Dcom.flashmat.captures=10000} for the long run; prints a table.
+ * -Dcom.flashmat.captures=10000} for the long run; prints a table. One in {@code -Dcom.flashmat.refine=20} is refined:
+ * the refinement allocates nothing, and takes most of a capture's time.
  */
 final class SoakTest {
     /** Resident memory in kB; -1 where the system does not tell. */
@@ -36,18 +37,21 @@ final class SoakTest {
         List<Long> resident = new ArrayList<>();
         long started = System.nanoTime();
         System.out.printf("%9s %12s %12s %8s%n", "captures", "resident kB", "heap kB", "seconds");
-        CaptureOptions options = new CaptureOptions.Builder().build();
+        CaptureOptions refined = new CaptureOptions.Builder().build();
+        CaptureOptions quick = new CaptureOptions.Builder().refine(false).build();
+        int period = Integer.getInteger("com.flashmat.refine", 20);
         MaterialMaps maps = new MaterialMaps(Toy.SIZE);
         int done = 0;
         try (MaterialEngine engine = Toy.engine()) {
             for (int tenth = 0; tenth <= 10; tenth++) {
                 for (int until = Math.max(captures * tenth / 10, 20); done < until; done++) {
+                    CaptureOptions options = done % period == 0 ? refined : quick;
                     engine.capture(Toy.frame(), options, maps, (stage, fraction) -> true);
                     if (done % 50 == 0) {
                         // Every path that allocates on the native side: pictures, errors, cancelled runs, engines.
                         maps.encode(Picture.ALBEDO);
                         try {
-                            engine.capture(Toy.frame(), options, (stage, fraction) -> stage == Stage.FRAME);
+                            engine.capture(Toy.frame(), refined, (stage, fraction) -> stage == Stage.FRAME);
                             throw new AssertionError("not cancelled");
                         } catch (FlashmatException.Cancelled expected) {
                             Toy.engine().close();
