@@ -1,0 +1,150 @@
+import FlashmatFFI
+
+/// What a surface is made of.
+public enum MaterialClass: UInt32, Sendable, CaseIterable {
+    /// Woven and knitted cloth.
+    case fabric = 1
+    /// Soil, grass, gravel.
+    case ground
+    /// Leather.
+    case leather
+    /// Metal.
+    case metal
+    /// Diffuse stone.
+    case stoneDiff
+    /// Polished stone.
+    case stoneSpec
+    /// Plastics and paint.
+    case polymer
+    /// Wood.
+    case wood
+
+    /// The name that files and the other tools use, such as "stone-diff".
+    public var name: String { String(cString: flashmat_class_name(rawValue)) }
+}
+
+/// The stages of a capture, in their order.
+public enum CaptureStage: UInt32, Sendable, CaseIterable, Comparable {
+    /// Photo to linear RGB at the network's size.
+    case frame
+    /// Class probabilities and first maps.
+    case net
+    /// Refinement of the albedo.
+    case crfAlbedo
+    /// Refinement of the normals.
+    case crfNormal
+    /// Light scale and roughness search.
+    case search
+    /// Refinement of the roughness.
+    case crfRoughness
+
+    public static func < (a: Self, b: Self) -> Bool { a.rawValue < b.rawValue }
+
+    /// The name that reports use, such as "crf_albedo".
+    public var name: String { String(cString: flashmat_stage_name(rawValue)) }
+}
+
+/// What a capture found beside the maps.
+public struct MaterialReport: Sendable, Equatable {
+    /// What one solver of the refinement did; zeros without refinement.
+    public struct Solver: Sendable, Equatable {
+        /// Steps taken.
+        public let iterations: Int
+        /// Relative residual where it stopped.
+        public let residual: Float
+    }
+
+    /// The class: the caller's, or the most probable one.
+    public let materialClass: MaterialClass
+    /// What the network believes, in the order of ``MaterialClass/allCases``; the sum is 1.
+    public let probabilities: [Float]
+    /// The photo's exposure times the flash's strength: multiply a render with light strength 1 by it.
+    public let lightScale: Float
+    /// RMSE of the re-render against the photo, gamma 2.2, overexposed pixels left out.
+    public let residual: Float
+    /// Specular reflectance at normal incidence.
+    public let f0: Float
+    /// Field of view over the maps, in degrees.
+    public let fieldOfView: Float
+    /// Refinement of albedo, normal and roughness.
+    public let solvers: [Solver]
+
+    /// The probability of one class.
+    public func probability(of material: MaterialClass) -> Float {
+        probabilities[Int(material.rawValue) - 1]
+    }
+
+    init(_ report: flashmat_report) {
+        materialClass = MaterialClass(rawValue: report.material_class) ?? .fabric
+        probabilities = withUnsafeBytes(of: report.probabilities) { Array($0.bindMemory(to: Float.self)) }
+        lightScale = report.light_scale
+        residual = report.residual
+        f0 = report.f0
+        fieldOfView = report.fov_deg
+        solvers = [report.solver.0, report.solver.1, report.solver.2].map {
+            Solver(iterations: Int($0.iterations), residual: $0.residual)
+        }
+    }
+}
+
+/// A material: maps of `size` x `size` pixels, rows from the top, float planes one after the other.
+///
+/// Made by ``MaterialEngine``; save or share it as ``glb(name:)``, or show its maps as images.
+public struct MaterialMaps: Sendable {
+    /// One of the maps.
+    public enum Map: Sendable, CaseIterable {
+        /// Diffuse albedo (base colour).
+        case albedo
+        /// Normals.
+        case normal
+        /// Roughness.
+        case roughness
+        /// The maps re-rendered under the estimated flash, as bright as the photo.
+        case render
+        /// The photo as the network saw it.
+        case photo
+    }
+
+    /// Pixels per side.
+    public let size: Int
+    /// 3 planes, linear light, sRGB primaries, 0...1.
+    public let albedo: [Float]
+    /// 3 planes x, y, z of unit vectors: x right, y up, z to the camera.
+    public let normal: [Float]
+    /// 1 plane, 0...1; alpha of GGX is its square.
+    public let roughness: [Float]
+    /// 3 planes, linear light.
+    public let render: [Float]
+    /// 3 planes, linear light.
+    public let photo: [Float]
+    /// Class, light, errors of fit.
+    public let report: MaterialReport
+
+    /// A map as 8-bit codes, interleaved RGB (roughness: grey): albedo, render and photo sRGB-encoded, normals as
+    /// (n + 1) / 2, as image files have them.
+    public func codes(of map: Map) -> [UInt8] {
+        switch map {
+        case .albedo: return interleaved(albedo, Self.srgb)
+        case .normal: return interleaved(normal) { $0 * 0.5 + 0.5 }
+        case .roughness: return roughness.map(Self.code)
+        case .render: return interleaved(render, Self.srgb)
+        case .photo: return interleaved(photo, Self.srgb)
+        }
+    }
+
+    private func interleaved(_ planes: [Float], _ curve: (Float) -> Float) -> [UInt8] {
+        let count = size * size
+        var codes = [UInt8](repeating: 0, count: 3 * count)
+        for channel in 0..<3 {
+            for i in 0..<count {
+                codes[3 * i + channel] = Self.code(curve(planes[channel * count + i]))
+            }
+        }
+        return codes
+    }
+
+    private static func code(_ value: Float) -> UInt8 {
+        // max gives 0 for NaN.
+        UInt8(max(0, min(1, value)) * 255 + 0.5)
+    }
+}

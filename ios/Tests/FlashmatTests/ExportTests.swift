@@ -1,0 +1,60 @@
+import Foundation
+import XCTest
+
+@testable import Flashmat
+
+final class ExportTests: XCTestCase {
+    func testChecksumsOfTheStandards() {
+        XCTAssertEqual(PNG.crc32(Array("123456789".utf8)), 0xCBF4_3926)
+        XCTAssertEqual(PNG.adler32(Array("Wikipedia".utf8)), 0x11E6_0398)
+    }
+
+    func testSRGBCurve() {
+        XCTAssertEqual(MaterialMaps.srgb(0.214_041_14), 0.5, accuracy: 1e-5)
+        XCTAssertEqual(MaterialMaps.srgb(0.002), 0.025_84, accuracy: 1e-6)
+        for (linear, encoded) in [(-1, 0), (0, 0), (1, 1), (2, 1)] as [(Float, Float)] {
+            XCTAssertEqual(MaterialMaps.srgb(linear), encoded, accuracy: 1e-6)
+        }
+    }
+
+    func testGLBHoldsTheMaps() async throws {
+        let engine = try Support.engine()
+        var options = Support.fast
+        options.materialClass = .wood
+        let maps = try await engine.capture(Support.photo(), options: options)
+        let file = maps.glb(name: "a \"brick\"\n")
+        if let path = ProcessInfo.processInfo.environment["FLASHMAT_WRITE_GLB"] {
+            try file.write(to: URL(fileURLWithPath: path))
+        }
+        func word(_ at: Int) -> Int { (0..<4).reduce(0) { $0 | Int(file[at + $1]) << (8 * $1) } }
+        XCTAssertEqual(file.prefix(4), Data("glTF".utf8))
+        XCTAssertEqual([word(4), word(8)], [2, file.count])
+        let json = word(12)
+        XCTAssertEqual(json % 4, 0)
+        let scene = try XCTUnwrap(JSONSerialization.jsonObject(with: file[20..<20 + json]) as? [String: Any])
+        XCTAssertEqual((scene["nodes"] as? [[String: Any]])?.first?["name"] as? String, "a \"brick\"\n")
+        let bin = 20 + json + 8
+        XCTAssertEqual(bin + word(20 + json), file.count)
+        let views = try XCTUnwrap(scene["bufferViews"] as? [[String: Int]])
+        XCTAssertEqual(views.count, 7)
+        // The first image is the albedo: stored blocks, so that its codes can be read without a decoder.
+        let start = bin + (views[0]["byteOffset"] ?? 0)
+        let png = Array(file[start..<start + (views[0]["byteLength"] ?? 0)])
+        XCTAssertEqual(Array(png.prefix(8)), [0x89, 0x50, 0x4E, 0x47, 13, 10, 26, 10])
+        let first = 8 + 25 + 8 + 2 + 5  // signature, IHDR, head of IDAT, head of zlib, head of the first block
+        XCTAssertEqual(png[first], 0)
+        XCTAssertEqual(Array(png[first + 1..<first + 1 + 3 * Support.size]), Array(maps.codes(of: .albedo).prefix(3 * Support.size)))
+    }
+
+    func testCodes() async throws {
+        let engine = try Support.engine()
+        let maps = try await engine.capture(Support.photo(), options: Support.fast)
+        let count = Support.size * Support.size
+        for map in MaterialMaps.Map.allCases {
+            XCTAssertEqual(maps.codes(of: map).count, map == .roughness ? count : 3 * count)
+        }
+        // A flat normal is (128, 128, 255); all of them point to the camera.
+        let normal = maps.codes(of: .normal)
+        XCTAssertTrue(stride(from: 2, to: normal.count, by: 3).allSatisfy { normal[$0] >= 128 })
+    }
+}
