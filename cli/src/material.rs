@@ -53,10 +53,4 @@ impl Material {
         let p = self.probabilities.get(self.class as usize).copied().unwrap_or(0.0);
         format!("{name} {:.0} %", 100.0 * p)
     }
-
-    /// Whether the maps are better taken for a metal: F0 is blended by P(metal), so half-way is P = 0.5.
-    pub(crate) fn is_metal(&self) -> bool {
-        use flashmat_core::brdf::f0;
-        self.f0 >= f0(0.5)
-    }
 }

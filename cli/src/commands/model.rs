@@ -83,7 +83,7 @@ fn layers(loaded: &Loaded<'_>, size: usize) -> String {
         })
     };
     let mut text = format!(
-        "{:<20} {:<24} {:<36} {:>13} {:>9} {:>9}\n",
+        "{:<20} {:<36} {:<36} {:>13} {:>9} {:>9}\n",
         "layer", "what", "reads", "writes", "weights", "MMAC"
     );
     for layer in graph.layers() {
@@ -104,7 +104,7 @@ fn layers(loaded: &Loaded<'_>, size: usize) -> String {
         // Writing to a string cannot fail.
         let _ = writeln!(
             text,
-            "{:<20} {what:<24} {:<36} {writes:>13} {weights:>9} {macs:>9.2}",
+            "{:<20} {what:<36} {:<36} {writes:>13} {weights:>9} {macs:>9.2}",
             layer.name.as_str(),
             reads.join(" + ")
         );

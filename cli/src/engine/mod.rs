@@ -16,6 +16,7 @@ use flashmat_core::net::Class;
 use flashmat_core::pipeline::{Capture, CaptureOptions};
 use flashmat_core::{Error, Session, SessionOptions, Stage};
 use std::ops::ControlFlow;
+use std::path::Path;
 
 /// Share of overexposed pixels that a report warns of.
 const CLIPPED_SHARE: f32 = 0.1;
@@ -98,7 +99,7 @@ impl<'m> Engine<'m> {
             EngineKind::Int8 => Session::new(model.model.clone(), &options),
             EngineKind::Float => float_session(model, &options)?,
         };
-        let session = session.map_err(|e| Failure::core(&model.path, &e))?;
+        let session = session.map_err(|e| refusal(&e, model))?;
         let facts = Facts {
             model_name: model.name.clone(),
             model_hash: model.hash.clone(),
@@ -167,6 +168,29 @@ impl<'m> Engine<'m> {
             warnings,
         })
     }
+}
+
+/// Why no engine could be made, by the option that would mend it.
+fn refusal(error: &Error, model: &Loaded<'_>) -> Failure {
+    let (option, help) = match error {
+        Error::LevelUnsupported { .. } => ("--level", "use --level auto"),
+        Error::NetworkSize { .. } => ("--size", "choose another --size"),
+        Error::Float => {
+            let what = "has no float weights that the float engine could run";
+            return Failure::new(
+                &model.path,
+                what,
+                "use --engine int8, or a model exported with float weights",
+            );
+        }
+        Error::Threads => ("--threads", "use fewer --threads"),
+        Error::WorkspaceTooSmall { needed, .. } => {
+            let what = format!("{} MiB of memory cannot be had", needed >> 20);
+            return Failure::new(Path::new("--size"), what, "choose a smaller --size or fewer --threads");
+        }
+        _ => return Failure::core(&model.path, error),
+    };
+    Failure::new(Path::new(option), error.to_string(), help)
 }
 
 #[cfg(feature = "float")]

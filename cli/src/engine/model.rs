@@ -7,7 +7,7 @@ use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
 /// The model that ships with the program.
-static EMBEDDED: &[u8] = include_bytes!(env!("FLASHMAT_EMBEDDED_MODEL"));
+static EMBEDDED: &[u8] = include_bytes!("../../../models/phone.fmat");
 
 /// The largest model file that is read, in bytes.
 const MAX_BYTES: u64 = 1 << 30;

@@ -1,25 +1,24 @@
 //! `material.glb`: the maps on a square, as one binary glTF 2.0 file for any viewer.
 //!
 //! Metallic-roughness: base colour = albedo (sRGB), G = roughness, B = metallic (P(metal), rounded), normals OpenGL.
-//! `KHR_materials_ior` makes F0 = 0.05, where glTF alone has 0.04. The square lies in z = 0, faces +z and has the size
+//! `KHR_materials_ior` carries F0 (0.05 and up, by P(metal)), where glTF alone has 0.04. The square lies in z = 0, faces +z and has the size
 //! in which the camera and the flash stand at (0, 0, 1): half a side is tan(fov / 2).
 use super::png;
 use crate::material::OwnedMaps;
+use flashmat_core::brdf::{self, F0_DIELECTRIC};
 use gltf_json as gltf;
 use gltf_json::validation::{Checked, USize64};
 use image::ExtendedColorType;
 use std::collections::BTreeMap;
 use std::io::{self, Write};
 
-/// Index of refraction with F0 = 0.05: (1 + sqrt F0) / (1 - sqrt F0).
-const IOR: f32 = 1.576_014_3;
-
-/// Writes the file. `metal` is P(metal) rounded, `fov_deg` the angle of view over the maps, `name` the material's name.
+/// Writes the file. `f0` is the reflectance at normal incidence, blended by P(metal); `fov_deg` the angle of view over
+/// the maps; `name` the material's name.
 pub(crate) fn write(
     out: &mut dyn Write,
     name: &str,
     maps: &OwnedMaps,
-    metal: bool,
+    f0: f32,
     fov_deg: f32,
 ) -> io::Result<()> {
     let mut root = gltf::Root {
@@ -31,7 +30,7 @@ pub(crate) fn write(
         ..Default::default()
     };
     let mut bin = Bin::default();
-    let material = material(&mut root, &mut bin, name, maps, metal)?;
+    let material = material(&mut root, &mut bin, name, maps, f0)?;
     let mesh = quad(&mut root, &mut bin, name, material, (fov_deg.to_radians() / 2.0).tan());
     let node = root.push(gltf::Node { mesh: Some(mesh), name: Some(name.to_owned()), ..Default::default() });
     let scene = root.push(gltf::Scene {
@@ -111,10 +110,11 @@ fn material(
     bin: &mut Bin,
     name: &str,
     maps: &OwnedMaps,
-    metal: bool,
+    f0: f32,
 ) -> io::Result<gltf::Index<gltf::Material>> {
     let view = maps.view();
-    let metallic = if metal { u8::MAX } else { 0 };
+    // F0 is blended by P(metal): half-way is P = 0.5. A metal's F0 is its base colour, whatever the index says.
+    let (metallic, dielectric_f0) = if f0 >= brdf::f0(0.5) { (u8::MAX, F0_DIELECTRIC) } else { (0, f0) };
     let albedo = png::codes::<u8>(maps.size, 3, |y, line| view.albedo_row(y, line))?;
     let normal = png::codes::<u8>(maps.size, 3, |y, line| view.normal_row(y, line))?;
     let roughness = png::codes::<u8>(maps.size, 1, |y, line| view.roughness_row(y, line))?;
@@ -169,12 +169,17 @@ fn material(
         }),
         extensions: Some(gltf::extensions::material::Material {
             ior: Some(gltf::extensions::material::Ior {
-                ior: gltf::extensions::material::IndexOfRefraction(IOR),
+                ior: gltf::extensions::material::IndexOfRefraction(index_of_refraction(dielectric_f0)),
                 extras: Default::default(),
             }),
         }),
         ..Default::default()
     }))
+}
+
+/// F0 = ((n - 1) / (n + 1))², solved for n.
+fn index_of_refraction(f0: f32) -> f32 {
+    (1.0 + f0.sqrt()) / (1.0 - f0.sqrt())
 }
 
 fn quad(
@@ -279,9 +284,9 @@ mod tests {
 
     #[test]
     fn the_gltf_crate_reads_back_what_was_written() {
-        for (metal, metallic) in [(false, 0), (true, 255)] {
+        for (f0, metallic) in [(0.05, 0), (0.12, 0), (0.4, 255)] {
             let mut file = Vec::new();
-            write(&mut file, "wood", &maps(), metal, 43.35).expect("write");
+            write(&mut file, "wood", &maps(), f0, 43.35).expect("write");
             assert_eq!(file.len() % 4, 0);
             let document = ::gltf::Gltf::from_slice(&file).expect("a valid file");
             let blob = document.blob.clone().expect("binary chunk");
@@ -299,7 +304,8 @@ mod tests {
             let material = primitive.material();
             // F0 = ((n - 1) / (n + 1))^2.
             let ior = material.ior().expect("ior");
-            assert!((((ior - 1.0) / (ior + 1.0)).powi(2) - 0.05).abs() < 1e-6);
+            let wanted = if metallic == 0 { f0 } else { 0.05 };
+            assert!((((ior - 1.0) / (ior + 1.0)).powi(2) - wanted).abs() < 1e-6);
             let pbr = material.pbr_metallic_roughness();
             let texture = pbr.metallic_roughness_texture().expect("texture").texture();
             let ::gltf::image::Source::View { view, .. } = texture.source().source() else {

@@ -33,9 +33,7 @@ pub(crate) fn write_all(
     folder.write("roughness.png", |f| png::roughness(f, &maps, depth))?;
     folder.write("render.png", |f| png::linear(f, &material.render, size, depth))?;
     folder.write("sheet.png", |f| sheet::write(f, name, material, &relit))?;
-    folder.write("material.glb", |f| {
-        glb::write(f, name, &material.maps, material.is_metal(), material.fov_deg)
-    })?;
+    folder.write("material.glb", |f| glb::write(f, name, &material.maps, material.f0, material.fov_deg))?;
     // Last, so that a report means that the rest is there.
     folder.write("report.json", |f| report::Report::new(material, facts).write(f))?;
     if interrupt::asked() {

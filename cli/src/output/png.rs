@@ -106,13 +106,12 @@ pub(crate) fn encode<T: Channel>(
     colour: ExtendedColorType,
 ) -> io::Result<()> {
     let side = |n: usize| u32::try_from(n).map_err(io::Error::other);
-    PngEncoder::new_with_quality(out, CompressionType::Default, FilterType::Adaptive)
+    // In memory first: the encoder hides the kind of a writer's error, and a full disk is to be named as such.
+    let mut file = Vec::new();
+    PngEncoder::new_with_quality(&mut file, CompressionType::Default, FilterType::Adaptive)
         .write_image(bytemuck::cast_slice(codes), side(width)?, side(height)?, colour)
-        .map_err(|error| match error {
-            // Keeps the kind, so that a full disk is named as such.
-            image::ImageError::IoError(error) => error,
-            other => io::Error::other(other),
-        })
+        .map_err(io::Error::other)?;
+    out.write_all(&file)
 }
 
 #[cfg(test)]

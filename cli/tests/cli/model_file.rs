@@ -59,6 +59,16 @@ fn each_bad_model_is_told_apart() {
 }
 
 #[test]
+fn a_level_of_another_cpu_is_refused() {
+    let folder = Folder::new();
+    let photo = folder.photo("a.png");
+    let level = if cfg!(target_arch = "x86_64") { "neon" } else { "avx2" };
+    let run = capture(&[&photo], &folder.path("out"), &["--level", level]);
+    assert_eq!(run.status.code(), Some(1));
+    assert!(stderr(&run).contains("use --level auto"), "{}", stderr(&run));
+}
+
+#[test]
 fn a_good_model_file_is_taken_and_shown() {
     let folder = Folder::new();
     let model = folder.file("toy.fmat", TOY);
