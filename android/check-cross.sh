@@ -59,19 +59,19 @@ stubs() { # libraries with the allowed imports, and no others
   sed -n 's/^unwind //p' "$here/check/bionic.txt" | tr ' ' '\n' | sed '/^$/d; s/.*/void &(void) {}/' |
     "${clang[@]}" -o "$out/stub/unwind.o" -
   llvm-ar rcs "$out/stub/libunwind.a" "$out/stub/unwind.o"
-  cat >"$out/stub/link" <<EOF
+  cat >"$out/stub/android-clang" <<EOF
 #!/bin/sh
 exec clang --target=aarch64-linux-android24 -fuse-ld=lld -nostartfiles -nostdlib -Wl,-z,defs -L"$out/stub" \\
   -Wl,-z,max-page-size=16384 "\$@"
 EOF
-  chmod +x "$out/stub/link"
+  chmod +x "$out/stub/android-clang"
 }
 
 lib=$built/aarch64-linux-android/release/libflashmat_jni.so
 if { wanted compile || wanted link; } && [ -x "$cargo" ]; then
   if packages clang lld llvm; then
     stubs
-    export CARGO_TARGET_AARCH64_LINUX_ANDROID_LINKER=$out/stub/link
+    export CARGO_TARGET_AARCH64_LINUX_ANDROID_LINKER=$out/stub/android-clang
     "$cargo" build "${std[@]}" --release "${android[@]}" -p flashmat-jni --lib
     ok "flashmat-jni compiled and linked for aarch64-linux-android"
   else

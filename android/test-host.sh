@@ -53,8 +53,8 @@ javac --release 8 -Xlint:all,-options -Werror -d "$out/classes" "$here"/stubs/an
 kotlinc() { bash "$kotlin/bin/kotlinc-jvm" -no-stdlib -no-reflect -nowarn "$@"; }
 kotlinc -jvm-target 1.8 -Xexplicit-api=strict -cp "$out/classes:$libs" -d "$out/classes" "$lib"/main/kotlin/com/flashmat/*.kt
 javac --release 8 -Xlint:all,-options,-processing,-classfile,-path -d "$out/test" -cp "$out/classes:$junit" \
-  "$lib"/test/java/com/flashmat/*.java
-kotlinc -jvm-target 1.8 -cp "$out/classes:$out/test:$libs:$junit" -d "$out/test" "$lib"/test/kotlin/com/flashmat/*.kt
+  "$lib"/hostTest/java/com/flashmat/*.java
+kotlinc -jvm-target 1.8 -cp "$out/classes:$out/test:$libs:$junit" -d "$out/test" "$lib"/hostTest/kotlin/com/flashmat/*.kt
 
 echo "-- tests under -Xcheck:jni"
 log=$out/test.log

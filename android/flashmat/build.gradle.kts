@@ -21,9 +21,6 @@ android {
     }
     sourceSets["main"].jniLibs.srcDir(layout.buildDirectory.dir("jniLibs"))
     sourceSets["main"].assets.srcDir(layout.buildDirectory.dir("model"))
-    // The host's JUnit tests run on the device too: the same classes, the .so of the package.
-    sourceSets["androidTest"].java.srcDir("src/test/java")
-    sourceSets["androidTest"].resources.srcDir("../../tests/golden")
     packaging { jniLibs { useLegacyPackaging = false } }
     publishing { singleVariant("release") { withSourcesJar() } }
 }
@@ -36,8 +33,9 @@ kotlin {
 dependencies {
     api("androidx.annotation:annotation:1.9.1")
     api("org.jetbrains.kotlinx:kotlinx-coroutines-core:1.10.2")
+    // src/hostTest is not Gradle's: ../test-host.sh runs it on a JVM with the Linux build of the crate.
     androidTestImplementation("androidx.test:runner:1.6.2")
-    androidTestImplementation("org.junit.jupiter:junit-jupiter-api:5.9.2")
+    androidTestImplementation("androidx.test.ext:junit:1.2.1")
 }
 
 val buildJni by tasks.registering(Exec::class) {
