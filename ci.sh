@@ -3,6 +3,9 @@
 # Needs cargo (the toolchain of rust-toolchain.toml), python3 >= 3.11 with venv, and a network for their packages.
 #   ./ci.sh            everything
 #   ./ci.sh rust       only the Rust half        ./ci.sh train     only the training kit
+#   ./ci.sh ffi        only the C library's checks beyond the Rust tests (its C tests are among those)
+#   ./ci.sh swift      only the Swift package (sets up a Swift toolchain below target/ where it can: root, Debian)
+#   ./ci.sh android    only the Android library (a JDK; fetches JUnit, Kotlin's compiler, a cross toolchain)
 set -euo pipefail
 cd "$(dirname "$0")"
 part=${1:-all}
@@ -21,6 +24,32 @@ rust() {
   cargo check -p flashmat-core --no-default-features --features alloc --locked
 }
 
+android() {
+  step "Android: library on this machine's JVM"
+  android/test-host.sh
+  step "Android: what can be checked without its SDK"
+  android/check-cross.sh
+}
+
+ffi() {
+  cross=${FLASHMAT_CROSS:-${CARGO_TARGET_DIR:-target}/tools/cross}
+  if ! tools/cross-toolchain.sh "$cross"; then
+    echo "NOT RUN: bare metal and iPhone builds; no cross toolchain here"
+    cross=
+  fi
+  step "C library without std"
+  ffi/bare/check.sh ${cross:+"$cross"}
+  if [ -n "$cross" ] && command -v llvm-nm >/dev/null; then
+    step "C library for iPhone and simulator"
+    ios/check-staticlib.sh "$cross"
+  fi
+}
+
+swift_package() {
+  step "Swift package"
+  ios/test-linux.sh "${FLASHMAT_SWIFT:-${CARGO_TARGET_DIR:-target}/tools/swift}"
+}
+
 train() {
   venv=${FLASHMAT_VENV:-.venv}
   if [ ! -x "$venv/bin/ruff" ]; then
@@ -36,9 +65,19 @@ train() {
 }
 
 case $part in
-  all) rust && train ;;
+  # Not `rust && ...`: bash ignores errors inside functions of such a list.
+  all)
+    rust
+    ffi
+    swift_package
+    android
+    train
+    ;;
   rust) rust ;;
+  ffi) ffi ;;
+  swift) swift_package ;;
+  android) android ;;
   train) train ;;
-  *) echo "ci.sh: no part named '$part'; say all, rust or train" >&2; exit 2 ;;
+  *) echo "ci.sh: no part named '$part'; say all, rust, ffi, swift, android or train" >&2; exit 2 ;;
 esac
 step "all passed"
