@@ -75,7 +75,7 @@ pub enum Error {
         /// The one asked for.
         level: crate::kernels::Level,
     },
-    /// The model has no float weights, or tract could not run them.
+    /// The float engine (tract) could not build or run the model's graph.
     Float,
     /// A map or weight that a CRF is to refine is NaN, infinite or out of all measure.
     CrfInput,
@@ -125,7 +125,7 @@ impl fmt::Display for Error {
             Self::LevelUnsupported { level } => {
                 write!(f, "level {} is not available on this CPU or in this build", level.name())
             }
-            Self::Float => f.write_str("the model has no float weights, or the float engine could not run them"),
+            Self::Float => f.write_str("the float engine could not build or run this model's graph"),
             Self::CrfInput => f.write_str("a map to refine holds NaN, infinite or immense values"),
         }
     }

@@ -50,7 +50,7 @@ impl<'m> Session<'m> {
     /// A session over the float engine (tract) of the same model.
     ///
     /// # Errors
-    /// As [`Session::new`], and [`Error::Float`] when the model has no float weights or tract refuses them.
+    /// As [`Session::new`], and [`Error::Float`] when tract refuses the graph.
     #[cfg(feature = "tract")]
     pub fn float(model: Model<'m>, options: &SessionOptions) -> Result<Self, Error> {
         use crate::net::tract::FloatNetwork;

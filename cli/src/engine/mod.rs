@@ -176,12 +176,8 @@ fn refusal(error: &Error, model: &Loaded<'_>) -> Failure {
         Error::LevelUnsupported { .. } => ("--level", "use --level auto"),
         Error::NetworkSize { .. } => ("--size", "choose another --size"),
         Error::Float => {
-            let what = "has no float weights that the float engine could run";
-            return Failure::new(
-                &model.path,
-                what,
-                "use --engine int8, or a model exported with float weights",
-            );
+            let what = "is no model that the float engine can run";
+            return Failure::new(&model.path, what, "use --engine int8");
         }
         Error::Threads => ("--threads", "use fewer --threads"),
         Error::WorkspaceTooSmall { needed, .. } => {

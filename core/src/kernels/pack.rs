@@ -86,6 +86,25 @@ pub fn pack(plain: &[i8], shape: &Shape, packed: &mut [i8]) {
     }
 }
 
+/// The inverse of [`pack`], for slices as long as the shape says (else `plain` stays as it is).
+pub fn unpack(packed: &[i8], shape: &Shape, plain: &mut [i8]) {
+    if plain.len() != shape.plain_len() || packed.len() != shape.packed_len() {
+        return;
+    }
+    for (channel, rows) in plain.chunks_exact_mut((shape.height * shape.run).max(1)).enumerate() {
+        let (panel, lane) = (channel / PANEL, channel % PANEL);
+        for (row, run) in rows.chunks_exact_mut(shape.run.max(1)).enumerate() {
+            let base = panel * shape.panel_len() + row * shape.groups() * BLOCK + lane * GROUP;
+            for (group, weights) in run.chunks_mut(GROUP).enumerate() {
+                let at = base + group * BLOCK;
+                if let Some(slot) = packed.get(at..at + weights.len()) {
+                    weights.copy_from_slice(slot);
+                }
+            }
+        }
+    }
+}
+
 /// Sums of one panel's weights: `[source][lane]`, where the first `first` channels belong to source 0; or `None` when
 /// padding is not zero.
 fn panel_sums(panel: &[i8], shape: &Shape, first: usize) -> Option<[[i32; PANEL]; 2]> {
@@ -185,6 +204,9 @@ mod tests {
             let plain: Vec<i8> = (0..shape.plain_len()).map(|i| ((i * 89 + 13) % 255) as i8).collect();
             let mut packed = vec![99; shape.packed_len()];
             pack(&plain, &shape, &mut packed);
+            let mut back = vec![99; plain.len()];
+            unpack(&packed, &shape, &mut back);
+            assert_eq!(back, plain, "{shape:?}");
             let mut sums_out = vec![0; if first < cin { 2 * cout } else { cout }];
             sums(&packed, &shape, first, &mut sums_out);
             for channel in 0..cout {

@@ -1,4 +1,5 @@
-//! The float engine (feature `tract`): the model's float weights as a tract graph. It runs retrained networks that
+//! The float engine (feature `tract`): the model's float weights as a tract graph (where the file has none, what its
+//! int8 weights stand for: then only the activations are not rounded). It runs retrained networks that
 //! are not quantised, and it is an oracle of the int8 engine: other code, other arithmetic, and the heads mix the
 //! outputs of all classes after their convolutions instead of the weights before.
 //!
@@ -6,12 +7,13 @@
 use super::activation;
 use super::classes::{CLASSES, ClassProbabilities, Map};
 use super::format::F32s;
-use super::graph::{Dense, INPUT, INPUT_CHANNELS, MixHead, Op, Sources, Window};
+use super::graph::{self, Dense, Graph, INPUT, INPUT_CHANNELS, MixHead, Op, Sources, Window};
 use super::{Classification, Model, split3};
 use crate::arena::Arena;
 use crate::exec::Executor;
 use crate::frame::LinearImage;
 use crate::frame::transfer::linear_to_srgb;
+use crate::kernels::pack::{Shape, unpack};
 use crate::maps::{MapsMut, check_planes};
 use crate::pipeline::Engine;
 use crate::{Error, Observer, Stage};
@@ -40,14 +42,11 @@ impl<'m> FloatNetwork<'m> {
     /// Builds and optimises the graph.
     ///
     /// # Errors
-    /// [`Error::NetworkSize`]; [`Error::Float`] when a convolution has no float weights or tract refuses the graph.
+    /// [`Error::NetworkSize`]; [`Error::Float`] when tract refuses the graph.
     pub fn new(model: Model<'m>, size: usize) -> Result<Self, Error> {
         let multiple = model.graph.multiple();
         if size == 0 || size > crate::frame::MAX_SIZE || !size.is_multiple_of(multiple) {
             return Err(Error::NetworkSize { size, multiple });
-        }
-        if !model.has_float() {
-            return Err(Error::Float);
         }
         let plan = build(&model, size).map_err(|_| Error::Float)?;
         Ok(Self { model, size, plan })
@@ -181,16 +180,20 @@ fn build(model: &Model<'_>, size: usize) -> TractResult<Arc<TypedRunnableModel>>
         let name = layer.name.as_str();
         let outlet = match &layer.op {
             Op::Conv(conv) => {
-                let Some((weights, bias)) = conv.float else { bail!("no float weights") };
+                let weights = match conv.float {
+                    Some((weights, bias)) => (weights.iter().collect(), bias.iter().collect()),
+                    None => real_weights(graph, conv),
+                };
                 let input = builder.join(model, name, &conv.sources)?;
-                builder.conv(name, input, &conv.window, (conv.cin, conv.cout), (weights, bias), conv.relu)?
+                builder.conv(name, input, &conv.window, (conv.cin, conv.cout), weights, conv.relu)?
             }
             Op::MeanPool(pool) => builder.mean(name, pool.source, graph.tensors()[pool.source].side(size))?,
             Op::Dense(dense) => builder.dense(name, dense, graph.tensors()[dense.source].channels)?,
             Op::MixHead(head) => {
                 let input = builder.join(model, name, &head.sources)?;
                 let channels = (head.cin, head.classes * head.cout);
-                builder.conv(name, input, &head.window, channels, (head.weights, head.bias), false)?
+                let weights = (head.weights.iter().collect(), head.bias.iter().collect());
+                builder.conv(name, input, &head.window, channels, weights, false)?
             }
         };
         if let Some(tensor) = layer.op.output() {
@@ -200,6 +203,28 @@ fn build(model: &Model<'_>, size: usize) -> TractResult<Arc<TypedRunnableModel>>
     }
     builder.typed.select_output_outlets(&outputs)?;
     builder.typed.into_optimized()?.into_runnable()
+}
+
+/// What the int8 weights stand for, `[cout][height][width][cin]`, and the bias: for files without float weights.
+fn real_weights(graph: &Graph<'_>, conv: &graph::Conv<'_>) -> (Vec<f32>, Vec<f32>) {
+    let shape = Shape::new(conv.cout, conv.window.height, conv.window.width, conv.cin);
+    let scales: Vec<f32> = conv
+        .sources
+        .iter()
+        .filter_map(|source| graph.tensors().get(source.tensor))
+        .flat_map(|tensor| core::iter::repeat_n(tensor.scale, tensor.channels))
+        .collect();
+    let mut plain = vec![0_i8; shape.plain_len()];
+    unpack(conv.weights, &shape, &mut plain);
+    let per_channel = (shape.height * shape.run).max(1);
+    let mut weights = Vec::with_capacity(plain.len());
+    for (codes, unit) in plain.chunks_exact(per_channel).zip(conv.weight_scale.iter()) {
+        // The sources' scales were folded into the weights: out again.
+        weights
+            .extend(codes.iter().zip(scales.iter().cycle()).map(|(&q, scale)| f32::from(q) * unit / scale));
+    }
+    let bias = conv.bias.iter().zip(conv.weight_scale.iter()).map(|(b, unit)| b as f32 * unit).collect();
+    (weights, bias)
 }
 
 struct Builder {
@@ -220,8 +245,8 @@ impl Builder {
         outlets.first().copied().context("an op without output")
     }
 
-    fn constant(&mut self, name: &str, values: F32s<'_>, shape: &[usize]) -> TractResult<OutletId> {
-        let tensor = Tensor::from_shape(shape, &values.iter().collect::<Vec<f32>>())?;
+    fn constant(&mut self, name: &str, values: Vec<f32>, shape: &[usize]) -> TractResult<OutletId> {
+        let tensor = Tensor::from_shape(shape, &values)?;
         let unique = std::format!("{name}.{}", self.typed.nodes().len());
         self.typed.add_const(unique, tensor)
     }
@@ -270,7 +295,7 @@ impl Builder {
         input: OutletId,
         window: &Window,
         (cin, cout): (usize, usize),
-        (weights, bias): (F32s<'_>, F32s<'_>),
+        (weights, bias): (Vec<f32>, Vec<f32>),
         relu: bool,
     ) -> TractResult<OutletId> {
         let [top, left, bottom, right] = window.pad;
