@@ -1,5 +1,6 @@
 //! Why an export failed: a status and a text with the details, made without a heap.
 use crate::status::flashmat_status;
+#[cfg(feature = "std")]
 use core::ffi::CStr;
 use core::fmt::{self, Write};
 use flashmat_core::Error;

@@ -89,3 +89,8 @@ fn compilers_of_c_and_cpp_take_the_header_without_a_warning() {
         compile(&mut command);
     }
 }
+
+#[test]
+fn the_swift_package_has_this_header_and_its_numbers() {
+    common::run(Command::new("sh").arg(root().join("../ios/verify-codes.sh")));
+}

@@ -11,6 +11,7 @@
  * Errors: a flashmat_status; flashmat_last_error tells the details. Nothing is written by a call that fails, but for
  * what its comment says. Nothing throws; the library stops no program.
  * Threads: said at every function. Different engines are independent.
+ * Stack: less than 384 KiB in any function (musl gives threads 128 KiB by default; other systems 512 KiB or more).
  */
 
 #ifndef FLASHMAT_H
