@@ -1,5 +1,5 @@
 //! The int8 engine against the numpy reference: every tensor bit for bit, on every level.
-use flashmat_core::exec::Inline;
+use flashmat_core::exec::{Inline, Pool};
 use flashmat_core::kernels::{ALL, Kernels};
 use flashmat_core::net::graph::Tensor;
 use flashmat_core::net::{Class, Model, Network, Tap};
@@ -63,6 +63,21 @@ fn every_tensor_is_the_reference_on_every_level() {
         }
         let bits = [&run.albedo[..], &run.normal, &run.roughness].concat();
         assert_eq!(maps.get_or_insert_with(|| bits.clone()), &bits, "{} differs", kernels.name());
+    }
+}
+
+#[test]
+fn threads_change_no_bit() {
+    let model = Model::from_bytes(TOY_MODEL).expect("the golden model");
+    let network = Network::new(model, TOY_SIZE, ALL[0]).expect("128 suits");
+    let mut alone = NetRun::new(&network, TOY_SIZE, toy_photo());
+    alone.run(&network, None, &Inline, None).expect("a run");
+    for threads in [2, 3] {
+        let mut together = NetRun::new(&network, TOY_SIZE, toy_photo());
+        together.run(&network, None, &Pool::new(threads).expect("threads"), None).expect("a run");
+        for map in ["albedo", "normal", "roughness"] {
+            assert_eq!(alone.map(map), together.map(map), "{map}, {threads} threads");
+        }
     }
 }
 

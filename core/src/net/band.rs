@@ -203,7 +203,9 @@ mod tests {
             for cin in [5, 32, 72, 512] {
                 let window = Window { height: 3, width: 3, stride: 1, pad: [1, 1, 1, 1] };
                 let bands = Bands::new(&window, cin, side);
-                assert!(bands.slots <= SLOTS && bands.rows >= 1 && bands.slot_rows.is_multiple_of(bands.rows));
+                assert!(
+                    bands.slots <= SLOTS && bands.rows >= 1 && bands.slot_rows.is_multiple_of(bands.rows)
+                );
                 assert!(bands.slots * bands.slot_rows >= side && (bands.slots - 1) * bands.slot_rows < side);
             }
         }

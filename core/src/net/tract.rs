@@ -6,7 +6,6 @@
 //! Unlike the int8 engine it needs `std` and allocates, and its bits may differ between CPUs.
 use super::activation;
 use super::classes::{CLASSES, ClassProbabilities, Map};
-use super::format::F32s;
 use super::graph::{self, Dense, Graph, INPUT, INPUT_CHANNELS, MixHead, Op, Sources, Window};
 use super::{Classification, Model, split3};
 use crate::arena::Arena;
@@ -335,6 +334,7 @@ impl Builder {
         let window = Window { height: 1, width: 1, stride: 1, pad: [0; 4] };
         let input = self.tensor(dense.source)?;
         let channels = (inputs, dense.bias.len());
-        self.conv(name, input, &window, channels, (dense.weights, dense.bias), dense.relu)
+        let parameters = (dense.weights.iter().collect(), dense.bias.iter().collect());
+        self.conv(name, input, &window, channels, parameters, dense.relu)
     }
 }
