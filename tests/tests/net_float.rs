@@ -10,6 +10,7 @@ use flashmat_core::net::Model;
 use flashmat_core::net::tract::FloatNetwork;
 use flashmat_core::pipeline::Engine;
 use flashmat_tests::golden::{TOY_MODEL, TOY_SIZE, toy, toy_photo};
+use flashmat_tests::runs::smooth_photo;
 use flashmat_tests::snr::layer_snr;
 
 #[test]
@@ -56,4 +57,25 @@ fn int8_follows_float_layer_by_layer() {
         );
         assert!(layer.db > 25.0, "{layer:?}");
     }
+}
+
+/// The product's file has no float weights: the float engine then runs what the int8 weights stand for, and only the
+/// rounding of activations (and of the mixed heads) is between the two engines.
+#[test]
+fn a_file_without_float_weights_runs_too() {
+    let bytes =
+        std::fs::read(concat!(env!("CARGO_MANIFEST_DIR"), "/../models/phone.fmat")).expect("the model");
+    let model = Model::from_bytes(&bytes).expect("a model");
+    assert!(!model.has_float());
+    let report = layer_snr(&model, 128, &smooth_photo(128), Level::detect()).expect("both run");
+    for layer in &report {
+        println!(
+            "{:14} {:5.1} dB{}",
+            layer.name,
+            layer.db,
+            if layer.feeds_head { "  (decoder output)" } else { "" }
+        );
+        assert!(layer.db > if layer.feeds_head { 30.0 } else { 20.0 }, "{layer:?}");
+    }
+    assert_eq!(report.iter().filter(|layer| layer.feeds_head).count(), 3);
 }

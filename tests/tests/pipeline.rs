@@ -66,8 +66,7 @@ fn maps_are_where_maps_live_with_and_without_refinement() {
     for refine in [false, true] {
         for class in [None, Some(Class::Metal)] {
             let options = CaptureOptions { refine, class, ..CaptureOptions::default() };
-            let capture =
-                pipeline.run(&frame, &options, &Inline, &mut work, &mut Silent).expect("a capture");
+            let capture = pipeline.run(&frame, &options, &Inline, &mut work, &mut Silent).expect("a capture");
             let maps = capture.maps;
             assert!(maps.albedo.iter().chain(maps.roughness).all(|v| (0.0..=1.0).contains(v)));
             let plane = TOY_SIZE * TOY_SIZE;
@@ -104,8 +103,9 @@ fn the_observer_sees_every_stage_in_order_and_can_stop_each() {
     pipeline.run(&frame, &CaptureOptions::default(), &Inline, &mut work, &mut watch).expect("a capture");
     assert_eq!(seen, Stage::ALL);
     for stop in Stage::ALL {
-        let mut watch =
-            |stage: Stage, _: f32| if stage == stop { ControlFlow::Break(()) } else { ControlFlow::Continue(()) };
+        let mut watch = |stage: Stage, _: f32| {
+            if stage == stop { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        };
         let stopped = pipeline.run(&frame, &CaptureOptions::default(), &Inline, &mut work, &mut watch);
         assert_eq!(stopped.err(), Some(Error::Cancelled), "{}", stop.name());
     }
@@ -125,8 +125,7 @@ fn a_workspace_one_byte_short_is_refused_and_the_stated_one_is_enough_at_any_add
             .expect("enough at any address");
     }
     for bytes in [0, 1, 1000, needed / 2] {
-        let run =
-            pipeline.run(&frame, &CaptureOptions::default(), &Inline, &mut work[..bytes], &mut Silent);
+        let run = pipeline.run(&frame, &CaptureOptions::default(), &Inline, &mut work[..bytes], &mut Silent);
         assert!(matches!(run, Err(Error::WorkspaceTooSmall { .. })), "{bytes}");
     }
 }
