@@ -60,7 +60,7 @@ def encode(maps: np.ndarray, quality: int) -> dict[str, bytes]:
         x = maps[planes].transpose(1, 2, 0)
         image = Image.fromarray(x if x.shape[2] == 3 else x[..., 0])
         buffer = io.BytesIO()
-        image.save(buffer, "JPEG", quality=quality, subsampling=2 if name == "albedo" else 0, optimize=True)
+        image.save(buffer, "JPEG", quality=quality, subsampling=2 if name == "albedo" else 0)
         out[name] = buffer.getvalue()
     return out
 
