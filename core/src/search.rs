@@ -14,7 +14,7 @@ use crate::exec::{Executor, Plane, ROWS_PER_BLOCK, for_each_row_block};
 use crate::frame::LinearImage;
 use crate::frame::geometry::Geometry;
 use crate::maps::check_planes;
-use crate::math::{powf, sqrtf};
+use crate::math::{expf, logf, powf, sqrtf};
 use core::f32::consts::PI;
 use glam::Vec3;
 
@@ -47,9 +47,9 @@ pub fn check_exposure(photo: &LinearImage<'_>) -> Result<(), Error> {
 ///
 /// Weighted least squares in closed form over all channels of pixels that are not clipped:
 /// s = sum(w R P) / sum(w R²). The weight is 1/m, m the mean of photo and prediction (plus 0.02): an error then counts
-/// about as much as the eye, or gamma 2.2, has it, and highlights don't dominate. Three closed-form steps: m of the
-/// photo alone first, then with the last s; there, relative errors over 0.3 weigh as 0.3 (Huber), so that wrong
-/// highlights and shadows don't pull.
+/// about as much as the eye, or gamma 2.2, has it. Three steps from the geometric mean of the ratios, with the last s
+/// in m; relative errors over 0.3 weigh as 0.3 (Huber) and those over 1 not at all, so that a highlight that is
+/// elsewhere, or a thousand times too bright, does not pull.
 ///
 /// # Errors
 /// [`Error::NoUsablePixels`] when every pixel is clipped or `render` is black, [`Error::PhotoBlack`],
@@ -57,29 +57,41 @@ pub fn check_exposure(photo: &LinearImage<'_>) -> Result<(), Error> {
 pub fn light_scale(photo: &LinearImage<'_>, render: &[f32]) -> Result<f32, Error> {
     check_planes(photo.size, 3, render.len())?;
     check_exposure(photo)?;
-    let mut scale = None;
+    let mut scale = starting_scale(photo, render)?;
     for _ in 0..3 {
         let (mut rp, mut rr) = (0.0_f64, 0.0_f64);
         for (p, r) in usable(photo, render) {
-            let weight = match scale {
-                None => 1.0 / (p + 0.02),
-                Some(s) => {
-                    let predicted: f32 = s * r;
-                    let mean = (p + predicted) * 0.5 + 0.02;
-                    let relative = (p - predicted).abs() / mean;
-                    if relative > 0.3 { 0.3 / (relative * mean) } else { 1.0 / mean }
-                }
-            };
-            rp += f64::from(weight * r * p);
-            rr += f64::from(weight * r * r);
+            let predicted: f32 = scale * r;
+            let mean = (p + predicted) * 0.5 + 0.02;
+            let relative = (p - predicted).abs() / mean;
+            if relative <= 1.0 {
+                let weight = if relative > 0.3 { 0.3 / (relative * mean) } else { 1.0 / mean };
+                rp += f64::from(weight * r * p);
+                rr += f64::from(weight * r * r);
+            }
         }
         let s = (rp / rr) as f32;
-        if !(s.is_finite() && s > 0.0) {
-            return Err(Error::NoUsablePixels);
+        if s.is_finite() && s > 0.0 {
+            scale = s;
         }
-        scale = Some(s);
     }
-    scale.ok_or(Error::NoUsablePixels)
+    Ok(scale)
+}
+
+/// The geometric mean of the ratios of photo to render: a start that a few immense highlights do not move.
+fn starting_scale(photo: &LinearImage<'_>, render: &[f32]) -> Result<f32, Error> {
+    let (mut sum, mut count) = (0.0_f64, 0_u32);
+    for (p, r) in usable(photo, render) {
+        if r > 0.0 && r.is_finite() {
+            sum += f64::from(logf((p + 0.005) / (r + 0.005)));
+            count += 1;
+        }
+    }
+    if count == 0 {
+        return Err(Error::NoUsablePixels);
+    }
+    let start = expf((sum / f64::from(count)) as f32);
+    if start.is_finite() && start > 0.0 { Ok(start) } else { Err(Error::NoUsablePixels) }
 }
 
 /// RMSE in [0,1] of the re-render against the photo, both with gamma 2.2 and clamped to [0,1], clipped pixels left
