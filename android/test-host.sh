@@ -62,8 +62,8 @@ status=0
 java -Xcheck:jni -Xmx256m -XX:MaxDirectMemorySize=256m -Dcom.flashmat.library="$target/debug/libflashmat_jni.so" \
   -Dcom.flashmat.captures="${FLASHMAT_CAPTURES:-300}" -Dcom.flashmat.refine="${FLASHMAT_REFINE:-20}" -Dcom.flashmat.artefacts="$out/artefacts" \
   -cp "$out/classes:$out/test:$libs:$junit" org.junit.platform.console.ConsoleLauncher \
-  --scan-classpath "$out/test" --details "${FLASHMAT_DETAILS:-tree}" --disable-banner >"$log" 2>&1 || status=$?
-sed 's/\x1b\[[0-9;]*m//g' "$log" | grep -v '^\[ .* \(containers\|aborted\|skipped\)' || true
+  --scan-classpath "$out/test" --details "${FLASHMAT_DETAILS:-tree}" --disable-banner --disable-ansi-colors >"$log" 2>&1 || status=$?
+grep -v '^\[ .* \(containers\|aborted\|skipped\)' "$log" || true
 count() { sed -n "s/^\[ *\([0-9]*\) tests $1 *\]\$/\1/p" "$log" | tail -1; }
 passed=$(count successful) failed=$(count failed)
 checks=$(grep -cE '^(WARNING|FATAL)' "$log" || true)
