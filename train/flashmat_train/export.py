@@ -76,6 +76,67 @@ def calibrate(network: Network, photos: list[Tensor], share: float = 0.99995) ->
     return {name: max(float(np.quantile(v, 0.98)), 1e-4) for name, v in tops.items()}
 
 
+def consumers(network: Network) -> dict[str, list[tuple[nn.Module, int]]]:
+    """Of each block's output: the layers that read it, and at which input channel its channels begin."""
+    named, depth = blocks(network), len(network.config.encoder)
+    out: dict[str, list[tuple[nn.Module, int]]] = {name: [] for name in named}
+    for i in range(1, depth):
+        out[f"enc{i - 1}"].append((named[f"enc{i}"].conv, 0))
+    out[f"enc{depth - 1}"].append((network.classifier[0], 0))
+    for name, decoder in network.decoders.items():
+        previous = f"enc{depth - 1}"
+        for i in range(len(decoder.blocks)):
+            conv = named[f"{name}.dec{i}"].conv
+            out[previous].append((conv, 0))
+            out[f"enc{depth - 2 - i}"].append((conv, named[previous].conv.out_channels))
+            previous = f"{name}.dec{i}"
+        out[previous].append((decoder.head.conv, 0))
+    return out
+
+
+def _reading(layer: nn.Module, first: int, count: int) -> Tensor:
+    """How much each of `count` input channels says in a layer: its largest weight, outputs of like size."""
+    w = layer.weight.flatten(2) if layer.weight.dim() == 4 else layer.weight[:, :, None]
+    w = w / w.abs().amax(dim=(1, 2), keepdim=True).clamp_min(1e-9)
+    return w[:, first : first + count].abs().amax(dim=(0, 2))
+
+
+@torch.no_grad()
+def equalise(network: Network, photos: list[Tensor]) -> None:
+    """Balances the channels of each block's output for int8, in place, without changing the network's function.
+
+    A tensor has one scale in int8, so a channel with a small range is rounded coarsely; so are the weights of a
+    channel that are small beside their neighbours'. ReLU lets a factor pass: a channel is divided by it and multiplied
+    again in the layers that read it. The factor sqrt(range / weight) gives both the same share of their codes
+    (Nagel et al., "Data-Free Quantization through Weight Equalization and Bias Correction", ICCV 2019).
+    """
+    named = blocks(network)
+    tops = {name: torch.zeros(block.conv.out_channels) for name, block in named.items()}
+    hooks = [
+        block.register_forward_hook(
+            lambda _m, _i, y, name=name: tops.__setitem__(
+                name, torch.maximum(tops[name], y.float().amax(dim=(0, 2, 3)))
+            )
+        )
+        for name, block in named.items()
+    ]
+    network.eval()
+    for photo in photos:
+        network(photo)
+    for h in hooks:
+        h.remove()
+    readers = consumers(network)
+    for name, block in named.items():
+        top = tops[name].clamp_min(1e-4)
+        size = torch.stack([_reading(layer, first, len(top)) for layer, first in readers[name]]).amax(dim=0)
+        factor = (top / size.clamp_min(1e-4)).sqrt()
+        block.norm.weight /= factor
+        block.norm.bias /= factor
+        for layer, first in readers[name]:
+            shape = (1, -1, 1, 1) if layer.weight.dim() == 4 else (1, -1)
+            layer.weight[:, first : first + len(factor)] *= factor.view(shape)
+
+
 @torch.no_grad()
 def build(network: Network, ranges: dict[str, float], meta: dict, card: str, crf: np.ndarray) -> modelfile.Model:
     """The model file's contents from a trained network and its activation ranges."""
@@ -159,7 +220,10 @@ def run(args: argparse.Namespace) -> None:
     state = checkpoint.load(args.checkpoint)
     network = Network(NetworkConfig.fromdict(state["config"]))
     network.load_state_dict(state["ema"])
-    ranges = calibrate(network.eval(), calibration_photos(args.data, args.photos, args.size))
+    photos = calibration_photos(args.data, args.photos, args.size)
+    for _ in range(3):  # each layer's factors change its neighbours' balance
+        equalise(network, photos)
+    ranges = calibrate(network, photos)
     crf = np.tile(np.array(CRF_DEFAULT, np.float32), (len(CLASSES), 1))
     if args.crf:
         crf = np.array(json.loads(args.crf.read_text()), np.float32)

@@ -45,9 +45,7 @@ class Result:
 
 def srgb_encode(linear: Array) -> Array:
     """The sRGB transfer function, linear [0,1] to encoded [0,1]."""
-    return np.where(
-        linear <= 0.0031308, linear * 12.92, 1.055 * np.maximum(linear, 1e-12) ** (1 / 2.4) - 0.055
-    )
+    return np.where(linear <= 0.0031308, linear * 12.92, 1.055 * np.maximum(linear, 1e-12) ** (1 / 2.4) - 0.055)
 
 
 def network_input(linear_rgb: Array) -> Array:
@@ -96,9 +94,7 @@ def activate(kind: str, logits: Array) -> Array:
     logits = logits.astype(np.float64)
     if kind != "normal":
         return 1.0 / (1.0 + np.exp(-logits))
-    v = np.stack(
-        [np.tanh(logits[0]), np.tanh(logits[1]), 1.0 / (1.0 + np.exp(-logits[2])) + NORMAL_Z_EPSILON]
-    )
+    v = np.stack([np.tanh(logits[0]), np.tanh(logits[1]), 1.0 / (1.0 + np.exp(-logits[2])) + NORMAL_Z_EPSILON])
     return v / np.sqrt((v * v).sum(axis=0))
 
 

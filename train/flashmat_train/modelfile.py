@@ -113,9 +113,7 @@ class MixHead:
     sources: tuple[Source, ...]
     map: str  # "albedo", "normal" or "roughness"
     shuffle: int
-    weight: (
-        Array  # f32 [classes][N * shuffle^2][kh][kw][cin_total], real units; 8 classes, or 1: nothing to mix
-    )
+    weight: Array  # f32 [classes][N * shuffle^2][kh][kw][cin_total], real units; 8 classes, or 1: nothing to mix
     bias: Array  # f32 [classes][N * shuffle^2]
     pad: Pad = (1, 1, 1, 1)
 
@@ -180,9 +178,7 @@ def conv_from_float(
     """
     weight = np.asarray(weight, np.float32)
     bias = np.asarray(bias, np.float32)
-    scales = np.concatenate(
-        [np.full(graph_tensors[s.tensor].channels, graph_tensors[s.tensor].scale) for s in sources]
-    )
+    scales = np.concatenate([np.full(graph_tensors[s.tensor].channels, graph_tensors[s.tensor].scale) for s in sources])
     folded = weight.astype(np.float64) * scales
     peak = np.abs(folded).max(axis=(1, 2, 3))
     weight_scale = (np.maximum(peak, 1e-12) / 127.0).astype(np.float32)
@@ -261,9 +257,7 @@ def _layer_record(graph: Graph, ids: dict[str, int], layer: Layer, sections: dic
         fields[1:5] = _source_fields(graph, ids, layer.sources)
         channels = [graph.tensor(s.tensor).channels for s in layer.sources]
         cout, kh, kw, cin = (layer.weight_q if isinstance(layer, Conv) else layer.weight[0]).shape
-        _require(
-            cin == sum(channels), f"{layer.name}: weights read {cin} channels, sources have {sum(channels)}"
-        )
+        _require(cin == sum(channels), f"{layer.name}: weights read {cin} channels, sources have {sum(channels)}")
         fields[6:8] = [kh, kw]
         fields[9:13] = layer.pad
         fields[17] = cout
@@ -292,9 +286,7 @@ def _layer_record(graph: Graph, ids: dict[str, int], layer: Layer, sections: dic
         fields[21] = params.add(column_sums(layer.weight_q, channels), "<i4")
         fields[22] = fields[23] = NONE
         if layer.weight is not None and layer.bias is not None:
-            _require(
-                layer.weight.shape == layer.weight_q.shape, f"{layer.name}: float weights of another shape"
-            )
+            _require(layer.weight.shape == layer.weight_q.shape, f"{layer.name}: float weights of another shape")
             fields[22], fields[23] = floats.add(layer.weight, "<f4"), floats.add(layer.bias, "<f4")
     elif isinstance(layer, MeanPool):
         fields[0], fields[5] = OP_MEAN_POOL, ids[layer.output]
@@ -309,9 +301,7 @@ def _layer_record(graph: Graph, ids: dict[str, int], layer: Layer, sections: dic
         fields[18], fields[19] = params.add(layer.weight, "<f4"), params.add(layer.bias, "<f4")
     else:
         _require(layer.map in MAP_CODES, f"{layer.name}: no map named {layer.map!r}")
-        _require(
-            cout == MAP_CHANNELS[layer.map] * layer.shuffle**2, f"{layer.name}: N * r * r channels expected"
-        )
+        _require(cout == MAP_CHANNELS[layer.map] * layer.shuffle**2, f"{layer.name}: N * r * r channels expected")
         classes = layer.weight.shape[0]
         _require(classes in (1, 8), f"{layer.name}: one or eight sets of weights")
         _require(layer.bias.shape == (classes, cout), f"{layer.name}: one bias per set and channel")
@@ -324,9 +314,7 @@ def _layer_record(graph: Graph, ids: dict[str, int], layer: Layer, sections: dic
 def _graph_bytes(graph: Graph, sections: dict[str, _Section]) -> bytes:
     ids = {tensor.name: index for index, tensor in enumerate(graph.tensors)}
     _require(len(ids) == len(graph.tensors), "tensor names must differ")
-    _require(
-        graph.logits in ids and graph.tensor(graph.logits).channels == 8, "the logits tensor is a vector of 8"
-    )
+    _require(graph.logits in ids and graph.tensor(graph.logits).channels == 8, "the logits tensor is a vector of 8")
     first = graph.tensors[0]
     _require(
         graph.input == first.name
@@ -468,15 +456,10 @@ def parse_model(data: bytes) -> Model:
         at = 16 + 64 * index
         channels, divisor, scale, zero_point = struct.unpack_from("<2Ifi", graph, at)
         tensors.append(
-            Tensor(
-                graph[at + 32 : at + 64].rstrip(b"\0").decode("ascii"), channels, divisor, scale, zero_point
-            )
+            Tensor(graph[at + 32 : at + 64].rstrip(b"\0").decode("ascii"), channels, divisor, scale, zero_point)
         )
     base = 16 + 64 * tensor_count
-    layers = [
-        _parse_layer(sections, tensors, graph[base + 160 * i : base + 160 * (i + 1)])
-        for i in range(layer_count)
-    ]
+    layers = [_parse_layer(sections, tensors, graph[base + 160 * i : base + 160 * (i + 1)]) for i in range(layer_count)]
     return Model(
         json.loads(sections["META"]),
         Graph(tensors, layers, tensors[input_id].name, tensors[logits_id].name),
