@@ -31,9 +31,7 @@ def test_correlate_is_conv2d(kernel: tuple[int, int], stride: int, pad: tuple[in
         stride=stride,
         padding=1,
     )
-    np.testing.assert_allclose(
-        correlate(image, weight, stride, pad), theirs[0].numpy().transpose(1, 2, 0), atol=1e-12
-    )
+    np.testing.assert_allclose(correlate(image, weight, stride, pad), theirs[0].numpy().transpose(1, 2, 0), atol=1e-12)
 
 
 def test_pixel_shuffle_is_torch() -> None:
