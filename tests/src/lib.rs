@@ -1,4 +1,5 @@
 //! Host harness of Flashmat: what several test programs share.
+pub mod counting;
 pub mod golden;
 pub mod models;
 pub mod runs;

@@ -4,28 +4,9 @@ use flashmat_core::arena::Arena;
 use flashmat_core::exec::Inline;
 use flashmat_core::kernels::ALL;
 use flashmat_core::net::{Model, Network};
+use flashmat_tests::counting::{Counting, calls};
 use flashmat_tests::models::{Widths, random_model};
 use flashmat_tests::runs::{NetRun, smooth_photo};
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::sync::atomic::{AtomicUsize, Ordering};
-
-struct Counting;
-
-static CALLS: AtomicUsize = AtomicUsize::new(0);
-
-// SAFETY: every call goes to the system allocator unchanged.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        CALLS.fetch_add(1, Ordering::Relaxed);
-        // SAFETY: the caller keeps `alloc`'s contract.
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        // SAFETY: the caller keeps `dealloc`'s contract.
-        unsafe { System.dealloc(pointer, layout) }
-    }
-}
 
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
@@ -35,15 +16,15 @@ static ALLOCATOR: Counting = Counting;
 fn a_run_allocates_nothing_and_keeps_to_its_workspace() {
     let file = random_model(&Widths::phone(), 3);
     let size = 128;
-    let before = CALLS.load(Ordering::Relaxed);
+    let before = calls();
     let model = Model::from_bytes(&file).expect("a model");
-    assert_eq!(CALLS.load(Ordering::Relaxed), before, "loading allocates nothing either");
+    assert_eq!(calls(), before, "loading allocates nothing either");
     for kernels in ALL.iter().filter(|k| k.level().is_supported()) {
         let network = Network::new(model.clone(), size, kernels).expect("128 suits");
         let mut run = NetRun::new(&network, size, smooth_photo(size));
-        let before = CALLS.load(Ordering::Relaxed);
+        let before = calls();
         run.run(&network, None, &Inline, None).expect("a run");
-        assert_eq!(CALLS.load(Ordering::Relaxed), before, "{}", kernels.name());
+        assert_eq!(calls(), before, "{}", kernels.name());
     }
 
     for size in [128, 256, 1024, 2048] {
