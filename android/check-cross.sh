@@ -175,7 +175,7 @@ if wanted apk; then
   else
     read -r jar dx <<<"$jars"
     src=$here/flashmat/src/main/java/com/flashmat
-    mkdir -p "$out/classes" "$out/apk/lib/arm64-v8a" "$out/apk/assets/flashmat" "$out/stubs"
+    mkdir -p "$out/classes" "$out/apk/lib/arm64-v8a" "$out/assets/flashmat" "$out/stubs"
     javac -nowarn -source 8 -target 8 -Xlint:-options -d "$out/stubs" "$here"/stubs/androidx/annotation/*.java
     # The API 26 class is replaced: this android.jar is of API 23.
     mapfile -t sources < <(find "$src" "$here/check/src" "$here/check/api26" -name '*.java' ! -path "$src/android/ColourSpaces.java")
@@ -186,11 +186,8 @@ if wanted apk; then
     [ ! -e "$out/libflashmat_jni.so" ] || cp "$out/libflashmat_jni.so" "$out/apk/lib/arm64-v8a/"
     model=models/phone.fmat
     [ -e "$model" ] || model=tests/golden/toy.fmat
-    cp "$model" "$out/apk/assets/flashmat/phone.fmat"
-    (cd "$out" && aapt package -0 so -0 fmat -M "$here/check/AndroidManifest.xml" -I "$jar" -A apk/assets -F raw.apk)
-    # Assets were packed by -A; classes and libraries are added as they are.
-    rm -rf "$out/apk/assets"
-    (cd "$out/apk" && find . -type f | sed 's|^\./||' | sort | xargs aapt add -0 so ../raw.apk >/dev/null)
+    cp "$model" "$out/assets/flashmat/phone.fmat"
+    aapt package -0 so -0 fmat -M "$here/check/AndroidManifest.xml" -I "$jar" -A "$out/assets" -F "$out/raw.apk" "$out/apk"
     zipalign -p 4 "$out/raw.apk" "$out/aligned.apk"
     keytool -genkeypair -keystore "$out/key.jks" -storepass android -alias check -keyalg RSA -validity 30 \
       -dname CN=check 2>/dev/null
