@@ -8,6 +8,7 @@ multiple importance sampling; its own noise is estimated from two halves of the 
 from __future__ import annotations
 
 import argparse
+import itertools
 import math
 import os
 import re
@@ -245,13 +246,10 @@ def check_scenes(
     rng = np.random.default_rng(seed)
     order = rng.permutation(len(pool))
     by_class = [[int(i) for i in order if pool.classes[i] == c] for c in range(len(CLASSES))]
+    in_turn = [i for row in itertools.zip_longest(*by_class) for i in row if i is not None]
     scenes = []
-    while len(scenes) < count and any(by_class):
-        members = by_class[len(scenes) % len(CLASSES)]
-        if not members:
-            by_class = [b for b in by_class if b] or by_class
-            members = by_class[0]
-        i, e = members.pop(), len(scenes) % len(env)
+    for i in in_turn[:count]:
+        e = len(scenes) % len(env)
         crop = pool.crop(i, size, float(rng.choice((0.25, 0.5, 1.0))), 0.0, False, rng.random(2))
         z = rng.uniform(0.5, 1.0)
         phi = rng.uniform(0, 2 * math.pi)
