@@ -29,7 +29,8 @@ done
 if ! command -v swift > /dev/null; then
   [ -n "$folder" ] || not_run "no swift on the PATH, and no folder given for one"
   [ "$(id -u)" = 0 ] || not_run "setting up a Debian needs root"
-  if [ ! -x "$folder/usr/bin/swift" ]; then
+  # A link that only means something inside.
+  if [ ! -L "$folder/usr/bin/swift" ] && [ ! -e "$folder/usr/bin/swift" ]; then
     command -v debootstrap > /dev/null || apt-get install -y -qq --no-install-recommends debootstrap > /dev/null 2>&1 ||
       not_run "debootstrap cannot be had"
     # The mirror that this machine uses.
