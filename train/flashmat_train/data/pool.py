@@ -102,9 +102,7 @@ class Pool:
         reach = math.ceil(side * 0.5 * (abs(math.cos(angle)) + abs(math.sin(angle)))) + 2
         cy, cx = centre[0] * h, centre[1] * w
         y0, x0 = int(cy) - reach, int(cx) - reach
-        ys = torch.arange(y0, y0 + 2 * reach + 1).remainder(h)
-        xs = torch.arange(x0, x0 + 2 * reach + 1).remainder(w)
-        patch = source[:, ys][:, :, xs].float()
+        patch = _wrapped(_wrapped(source, 1, y0, 2 * reach + 1), 2, x0, 2 * reach + 1).float()
         k = patch.shape[1]
         u = (torch.arange(size) + 0.5) * (side / size) - side / 2
         fx = -u if flip else u
@@ -128,6 +126,14 @@ def turn_normals(x: Tensor, angle: float, flip: bool) -> Tensor:
     if flip:
         tx = -tx
     return torch.cat((x[:3], tx[None], ty[None], x[5:]))
+
+
+def _wrapped(x: Tensor, axis: int, start: int, count: int) -> Tensor:
+    """`count` slices from `start` on, around the edges where they go beyond; a view where they do not."""
+    size = x.shape[axis]
+    if start >= 0 and start + count <= size:
+        return x.narrow(axis, start, count)
+    return x.index_select(axis, torch.arange(start, start + count).remainder(size))
 
 
 def scale_maps(x: Tensor, rng: np.random.Generator) -> Tensor:
