@@ -5,6 +5,7 @@
 #   ./ci.sh rust       only the Rust half        ./ci.sh train     only the training kit
 #   ./ci.sh ffi        only the C library's checks beyond the Rust tests (its C tests are among those)
 #   ./ci.sh swift      only the Swift package (sets up a Swift toolchain below target/ where it can: root, Debian)
+#   ./ci.sh viewer     only the glTF of the samples in a validator and a viewer (node, Chromium)
 #   ./ci.sh android    only the Android library (a JDK; fetches JUnit, Kotlin's compiler, a cross toolchain)
 set -euo pipefail
 cd "$(dirname "$0")"
@@ -50,6 +51,14 @@ swift_package() {
   ios/test-linux.sh "${FLASHMAT_SWIFT:-${CARGO_TARGET_DIR:-target}/tools/swift}"
 }
 
+viewer() {
+  step "glTF in the Khronos validator and in three.js"
+  if [ "${CI:-}" = true ] && ! command -v chromium >/dev/null && command -v apt-get >/dev/null; then
+    apt-get install -y -qq --no-install-recommends chromium >/dev/null 2>&1 || echo "no Chromium to be had here"
+  fi
+  tests/viewer/check.sh
+}
+
 train() {
   venv=${FLASHMAT_VENV:-.venv}
   if [ ! -x "$venv/bin/ruff" ]; then
@@ -71,13 +80,15 @@ case $part in
     ffi
     swift_package
     android
+    viewer
     train
     ;;
   rust) rust ;;
   ffi) ffi ;;
   swift) swift_package ;;
   android) android ;;
+  viewer) viewer ;;
   train) train ;;
-  *) echo "ci.sh: no part named '$part'; say all, rust, ffi, swift, android or train" >&2; exit 2 ;;
+  *) echo "ci.sh: no part named '$part'; say all, rust, ffi, swift, android, viewer or train" >&2; exit 2 ;;
 esac
 step "all passed"
