@@ -183,9 +183,10 @@ def _octahedron() -> Tensor:
 class Environments:
     """Prefiltered environments: `diffuse` (E,3,OCT,OCT) and `specular` (E,3,levels,OCT,OCT)."""
 
-    def __init__(self, sources: list[Source], rotations: int, seed: int):
+    def __init__(self, sources: list[Source], rotations: int, seed: int, turns: list[Tensor] | None = None):
+        """Every source under `rotations` random rotations, or under each of `turns`."""
         rng = np.random.default_rng(seed)
-        turns = [random_rotation(rng) for _ in range(rotations)]
+        turns = turns or [random_rotation(rng) for _ in range(rotations)]
         pixels = torch.stack([s.radiance.flatten(0, 1) for s in sources])  # (E,h*w,3)
         suns = torch.stack([s.sun_direction for s in sources]), torch.stack([s.sun_flux for s in sources])
         self.roughness, self.low, self.high = level_roughness()
