@@ -41,6 +41,8 @@ pub enum Error {
     },
     /// A field of view outside 1 to 170 degrees, or a focal length outside 1 to 5000 mm.
     FieldOfView,
+    /// A known light scale that is not positive and finite, or beyond 1/1000 to 1000.
+    LightScale,
     /// A size in pixels, or a row, that is 0, too large or outside.
     Size {
         /// The size given.
@@ -105,6 +107,9 @@ impl fmt::Display for Error {
             }
             Self::FieldOfView => f.write_str(
                 "field of view must be 1 to 170 degrees, a focal length 1 to 5000 mm (35 mm equivalent)",
+            ),
+            Self::LightScale => f.write_str(
+                "the light's known scale must be 0.001 to 1000: the linear value of a flat white surface at the centre",
             ),
             Self::Size { size } => write!(f, "size {size} is not supported here"),
             Self::PlaneLength { needed, given } => {

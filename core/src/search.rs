@@ -345,7 +345,13 @@ mod tests {
 
     impl Scenery {
         fn photo(&self) -> LinearImage<'_> {
-            LinearImage { size: self.n, rgb: &self.photo, clipped: &self.clipped, fov_deg: FOV }
+            LinearImage {
+                size: self.n,
+                rgb: &self.photo,
+                clipped: &self.clipped,
+                fov_deg: FOV,
+                light_scale: None,
+            }
         }
 
         fn search(&self, f0: f32, scale: f32, exec: &dyn Executor) -> (Vec<f32>, Vec<f32>) {
@@ -410,7 +416,13 @@ mod tests {
 
     #[test]
     fn the_residual_is_gamma_2_2_rmse_of_unclipped_pixels() {
-        let image = LinearImage { size: 2, rgb: &[0.25; 12], clipped: &[0, 0, 0, 1], fov_deg: FOV };
+        let image = LinearImage {
+            size: 2,
+            rgb: &[0.25; 12],
+            clipped: &[0, 0, 0, 1],
+            fov_deg: FOV,
+            light_scale: None,
+        };
         assert_eq!(residual(&image, &[0.25; 12]), Ok(0.0));
         // 1 - 0.25^(1/2.2) = 0.467479 where not clipped; over-bright render counts as white.
         let mut render = [7.0; 12];

@@ -110,6 +110,7 @@ impl flashmat_status {
             Error::Size { .. } | Error::NetworkSize { .. } => Self::Size,
             Error::NoUsablePixels => Self::NoUsablePixels,
             Error::PhotoBlack => Self::PhotoBlack,
+            Error::LightScale => Self::InvalidArgument,
             Error::Threads => Self::Threads,
             Error::Model(_) => Self::Model,
             // The float engine is not in this library.

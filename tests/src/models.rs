@@ -153,15 +153,17 @@ impl Builder {
 #[must_use]
 pub fn random_model(widths: &Widths, seed: u64) -> Vec<u8> {
     let mut b = Builder { state: seed, ..Builder::default() };
-    let input = b.tensor("input", 5, 1, 1.0 / 255.0, -128);
+    let input = b.tensor("input", 6, 1, 1.0 / 255.0, -128);
     let mut levels = vec![input];
     for (i, &width) in widths.encoder.iter().enumerate() {
         let level = b.conv(&format!("enc{i}"), &[levels[i]], false, width, 4, 2);
         levels.push(level);
     }
     let deepest = *levels.last().expect("the input at least");
-    let pooled = b.tensor("pool", b.channels[deepest], 0, 1.0, 0);
-    let fields = [(0, 2), (1, deepest as u32), (5, pooled as u32), (17, b.channels[deepest] as u32)];
+    let texture = levels[levels.len().min(5) - 1];
+    let means = b.channels[deepest] + b.channels[texture];
+    let pooled = b.tensor("pool", means, 0, 1.0, 0);
+    let fields = [(0, 2), (1, deepest as u32), (3, texture as u32), (5, pooled as u32), (17, means as u32)];
     b.layer("pool", &fields);
     let hidden = b.dense("hidden", pooled, 128, 1);
     let logits = b.dense("logits", hidden, 8, 0);

@@ -12,6 +12,8 @@ pub struct NetRun {
     size: usize,
     rgb: Vec<f32>,
     clipped: Vec<u8>,
+    /// The light's scale, if known.
+    pub light_scale: Option<f32>,
     workspace: Vec<u8>,
     /// 3 planes.
     pub albedo: Vec<f32>,
@@ -30,7 +32,7 @@ impl NetRun {
         let workspace = (0..network.workspace_bytes()).map(|i| (i * 193 + 71) as u8).collect();
         let clipped = vec![0; pixels];
         let (albedo, normal, roughness) = (vec![0.0; 3 * pixels], vec![0.0; 3 * pixels], vec![0.0; pixels]);
-        Self { size, rgb, clipped, workspace, albedo, normal, roughness }
+        Self { size, rgb, clipped, light_scale: None, workspace, albedo, normal, roughness }
     }
 
     /// Runs the network; allocates nothing.
@@ -45,7 +47,13 @@ impl NetRun {
         tap: Option<&mut dyn Tap>,
     ) -> Result<Classification, Error> {
         let mixing = class.map(ClassProbabilities::certain);
-        let photo = LinearImage { size: self.size, rgb: &self.rgb, clipped: &self.clipped, fov_deg: 43.35 };
+        let photo = LinearImage {
+            size: self.size,
+            rgb: &self.rgb,
+            clipped: &self.clipped,
+            fov_deg: 43.35,
+            light_scale: self.light_scale,
+        };
         let mut maps = MapsMut {
             size: self.size,
             albedo: &mut self.albedo,

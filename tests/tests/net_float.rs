@@ -19,7 +19,8 @@ fn float_tensors_and_maps_are_the_reference() {
     let model = Model::from_bytes(TOY_MODEL).expect("the golden model");
     let network = FloatNetwork::new(model.clone(), TOY_SIZE).expect("float weights");
     let clipped = vec![0; TOY_SIZE * TOY_SIZE];
-    let photo = LinearImage { size: TOY_SIZE, rgb: &rgb, clipped: &clipped, fov_deg: 43.35 };
+    let photo =
+        LinearImage { size: TOY_SIZE, rgb: &rgb, clipped: &clipped, fov_deg: 43.35, light_scale: None };
     for (number, values) in network.tensors(&photo).expect("a run") {
         let name = model.graph().tensors()[number].name.as_str();
         let distance = expected[&format!("float/{name}")].distance(name, &values);

@@ -61,6 +61,12 @@ fn every_tensor_is_the_reference_on_every_level() {
                 assert!(distance < limit, "{group}/{map}: {distance}");
             }
         }
+        run.light_scale = Some(1.5);
+        run.run(&network, None, &Inline, None).expect("a run");
+        for map in ["albedo", "normal", "roughness"] {
+            let distance = expected[&format!("lit/{map}")].distance(map, run.map(map));
+            assert!(distance < 2e-3, "lit/{map}: {distance}");
+        }
         let bits = [&run.albedo[..], &run.normal, &run.roughness].concat();
         assert_eq!(maps.get_or_insert_with(|| bits.clone()), &bits, "{} differs", kernels.name());
     }

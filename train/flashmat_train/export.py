@@ -83,6 +83,7 @@ def consumers(network: Network) -> dict[str, list[tuple[nn.Module, int]]]:
     for i in range(1, depth):
         out[f"enc{i - 1}"].append((named[f"enc{i}"].conv, 0))
     out[f"enc{depth - 1}"].append((network.classifier[0], 0))
+    out[f"enc{network.config.texture}"].append((network.classifier[0], network.config.encoder[-1]))
     for name, decoder in network.decoders.items():
         previous = f"enc{depth - 1}"
         for i in range(len(decoder.blocks)):
@@ -176,8 +177,8 @@ def build(network: Network, ranges: dict[str, float], meta: dict, card: str, crf
     for i, block in enumerate(network.encoder):
         conv(f"enc{i}", (Source(previous),), 2 ** (i + 1), block)
         previous = f"enc{i}"
-    tensor("pooled", config.encoder[-1], 0)
-    layers.append(modelfile.MeanPool("pooled", previous, "pooled"))
+    tensor("pooled", config.encoder[-1] + config.encoder[config.texture], 0)
+    layers.append(modelfile.MeanPool("pooled", (previous, f"enc{config.texture}"), "pooled"))
     dense("hidden", "pooled", network.classifier[0], True)
     dense("logits", "hidden", network.classifier[2], False)
     for name, maps in HEADS.items():

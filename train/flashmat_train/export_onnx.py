@@ -2,7 +2,8 @@
 
 `python -m flashmat_train export-onnx --checkpoint RUN/last.pt --out phone.onnx [--int8 phone.int8.onnx --data DIR]`
 
-Input `input` (1,5,h,w): sRGB-encoded R, G, B, then (p.x+1)/2 and (p.y+1)/2; h and w multiples of 128. Outputs
+Input `input` (1,6,h,w): sRGB-encoded R, G, B, then (p.x+1)/2 and (p.y+1)/2, then 1 where the
+light's scale is known; h and w multiples of 128. Outputs
 `albedo` (1,3,h,w), `normal` (1,3,h,w) unit, `roughness` (1,1,h,w), `probabilities` (1,8).
 """
 
@@ -73,7 +74,11 @@ def build(network: Network) -> Any:
     for i, block in enumerate(network.encoder):
         x = b.conv(f"enc{i}", x, block)
         features.append(x)
-    flat = b.add("Flatten", [b.add("GlobalAveragePool", [x], "pooled")], "pooled.flat")
+    means = [
+        b.add("Flatten", [b.add("GlobalAveragePool", [y], f"pooled{i}")], f"pooled{i}.flat")
+        for i, y in enumerate((x, features[network.config.texture]))
+    ]
+    flat = b.add("Concat", means, "pooled", axis=1)
     hidden = b.add("Relu", [b.dense("hidden.sum", flat, network.classifier[0])], "hidden")
     b.add("Softmax", [b.dense("logits", hidden, network.classifier[2])], "probabilities", axis=1)
     scales = shape(b, "upsample.scales", np.array([1, 1, 2, 2], np.float32))

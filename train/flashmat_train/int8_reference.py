@@ -48,13 +48,16 @@ def srgb_encode(linear: Array) -> Array:
     return np.where(linear <= 0.0031308, linear * 12.92, 1.055 * np.maximum(linear, 1e-12) ** (1 / 2.4) - 0.055)
 
 
-def network_input(linear_rgb: Array) -> Array:
-    """f64 [n][n][5] from planar linear RGB [3][n][n]: encoded R, G, B, then (px+1)/2 and (py+1)/2, y up."""
+def network_input(linear_rgb: Array, light_scale: float | None = None) -> Array:
+    """f64 [n][n][6] from planar linear RGB [3][n][n]: encoded R, G, B, then (px+1)/2 and (py+1)/2, y up, then 1 if the
+    light's scale is known, which RGB is then divided by, else 0."""
     size = linear_rgb.shape[1]
     centres = (2.0 * np.arange(size) + 1.0) / size - 1.0
     px, py = np.meshgrid(centres, -centres)
+    if light_scale is not None:
+        linear_rgb = linear_rgb.astype(F32) * (F32(1.0) / F32(light_scale))
     rgb = srgb_encode(np.clip(linear_rgb.astype(np.float64), 0.0, 1.0))
-    return np.stack([*rgb, (px + 1) / 2, (py + 1) / 2], axis=-1)
+    return np.stack([*rgb, (px + 1) / 2, (py + 1) / 2, np.full_like(px, light_scale is not None)], axis=-1)
 
 
 def quantise_input(image: Array) -> Array:
@@ -161,9 +164,12 @@ def run_int8(graph: Graph, input_q: Array, override: int | None = None) -> Resul
             multiplier = layer.weight_scale.astype(F32) / F32(out.scale)
             result.tensors[layer.output] = requantise(acc, multiplier, out.zero_point, layer.relu)
         elif isinstance(layer, MeanPool):
-            image = centred(layer.source)
-            mean = image.sum(axis=(0, 1)).astype(F32) / F32(image.shape[0] * image.shape[1])
-            result.tensors[layer.output] = mean * F32(graph.tensor(layer.source).scale)
+            means = []
+            for source in layer.sources:
+                image = centred(source)
+                mean = image.sum(axis=(0, 1)).astype(F32) / F32(image.shape[0] * image.shape[1])
+                means.append(mean * F32(graph.tensor(source).scale))
+            result.tensors[layer.output] = np.concatenate(means)
         elif isinstance(layer, Dense):
             result.tensors[layer.output] = _dense(layer, result.tensors[layer.source], F32)
             _set_probabilities(graph, result, layer.output, override)
@@ -174,7 +180,7 @@ def run_int8(graph: Graph, input_q: Array, override: int | None = None) -> Resul
 
 
 def run_float(graph: Graph, image: Array, override: int | None = None) -> Result:
-    """Runs the float weights on a real-valued input [n][n][5], in double precision."""
+    """Runs the float weights on a real-valued input [n][n][6], in double precision."""
     result = Result(tensors={graph.input: image.astype(np.float64)})
     for layer in graph.layers:
         if isinstance(layer, Conv):
@@ -184,7 +190,7 @@ def run_float(graph: Graph, image: Array, override: int | None = None) -> Result
             out = correlate(joined, layer.weight.astype(np.float64), layer.stride, layer.pad) + layer.bias
             result.tensors[layer.output] = np.maximum(out, 0.0) if layer.relu else out
         elif isinstance(layer, MeanPool):
-            result.tensors[layer.output] = result.tensors[layer.source].mean(axis=(0, 1))
+            result.tensors[layer.output] = np.concatenate([result.tensors[s].mean(axis=(0, 1)) for s in layer.sources])
         elif isinstance(layer, Dense):
             result.tensors[layer.output] = _dense(layer, result.tensors[layer.source], np.float64)
             _set_probabilities(graph, result, layer.output, override)

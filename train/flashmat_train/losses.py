@@ -21,11 +21,13 @@ class LossWeights:
     """The lambdas. The paper has 1 for all maps and 0.0005 for the class; departures are in docs/paper-notes.md."""
 
     albedo: float = 1.0
+    albedo_scaled: float = 2.0  # the same after each albedo's best scale: its structure, whatever its brightness
+    unknown: float = 0.25  # share of `albedo` where the exposure is not known: brightness is then a guess
     albedo_l1: float = 0.25  # L1 on gamma-encoded albedo: dark materials count as the eye sees them
-    normal: float = 4.0
-    roughness: float = 0.5
+    normal: float = 8.0
+    roughness: float = 0.7
     render: float = 2.0
-    cls: float = 0.03
+    cls: float = 0.1
 
 
 def normal_weights(normal: Tensor) -> Tensor:
@@ -40,6 +42,12 @@ def normal_weights(normal: Tensor) -> Tensor:
 def tone(x: Tensor) -> Tensor:
     """Clamped to (0,1.5), gamma 2.2, as the paper's reconstruction loss; the offset keeps the gradient finite."""
     return (x.clamp(0, 1.5) + 1e-3) ** (1 / 2.2)
+
+
+def best_scale(predicted: Tensor, target: Tensor) -> Tensor:
+    """(B,) factor of each predicted albedo that brings it nearest to the target, within [0.2,5]; without gradient."""
+    p, t = predicted.detach(), target
+    return ((p * t).sum(dim=(1, 2, 3)) / p.square().sum(dim=(1, 2, 3)).clamp_min(1e-6)).clamp(0.2, 5.0)
 
 
 def render_pair(maps: dict[str, Tensor], f0: Tensor, view: Tensor, lights: list[tuple[Tensor, Tensor]]) -> Tensor:
@@ -59,21 +67,32 @@ def losses(
     class_weight: Tensor,
     weights: LossWeights,
 ) -> dict[str, Tensor]:
-    """Every term and their weighted `total`. Errors of albedo and roughness are on the paper's [-1,1] scale."""
-    a = 4 * F.mse_loss(predicted["albedo"], target["albedo"])
+    """Every term and their weighted `total`. Errors of albedo and roughness are on the paper's [-1,1] scale.
+
+    Where the exposure is not known (`target["known"]` 0), an albedo's brightness cannot be: L1 and rendering loss then
+    compare it after its best scale.
+    """
+    w, known = weights, target["known"]
+    scale = best_scale(predicted["albedo"], target["albedo"])
+    fair = torch.where(known > 0, torch.ones_like(scale), scale)[:, None, None, None]
+    predicted = predicted | {"fair": predicted["albedo"] * fair}
+    a = 4 * F.mse_loss(predicted["albedo"], target["albedo"], reduction="none").mean(dim=(1, 2, 3))
+    a = (a * (known + (1 - known) * w.unknown)).mean()
+    scaled = 4 * F.mse_loss(predicted["albedo"] * scale[:, None, None, None], target["albedo"])
     gamma = 1 / 2.2
-    l1 = F.l1_loss((predicted["albedo"] + 1e-3) ** gamma, (target["albedo"] + 1e-3) ** gamma)
+    l1 = F.l1_loss((predicted["fair"] + 1e-3) ** gamma, (target["albedo"] + 1e-3) ** gamma)
     n = ((predicted["normal"] - target["normal"]).square() * normal_weights(target["normal"])).mean()
     r = 4 * F.mse_loss(predicted["roughness"], target["roughness"])
     want = render_pair(target, f0, view, lights)
-    got = render_pair(predicted, f0, view, lights)
+    got = render_pair(predicted | {"albedo": predicted["fair"]}, f0, view, lights)
     render = F.mse_loss(got, want)
     c = F.cross_entropy(predicted["class_logits"], target["cls"], weight=class_weight, label_smoothing=0.05)
-    w = weights
-    total = w.albedo * a + w.albedo_l1 * l1 + w.normal * n + w.roughness * r + w.render * render + w.cls * c
+    total = w.albedo * a + w.albedo_scaled * scaled + w.albedo_l1 * l1
+    total = total + w.normal * n + w.roughness * r + w.render * render + w.cls * c
     return {
         "total": total,
         "albedo": a,
+        "albedo_scaled": scaled,
         "albedo_l1": l1,
         "normal": n,
         "roughness": r,

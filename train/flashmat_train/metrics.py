@@ -7,15 +7,23 @@ import math
 import torch
 from torch import Tensor
 
+from .losses import best_scale
+
 
 def map_errors(predicted: dict[str, Tensor], target: dict[str, Tensor]) -> dict[str, float]:
-    """Means over a batch. `*_mse` is the paper's convention (albedo and roughness on [-1,1]); angle in degrees."""
+    """Means over a batch. `*_mse` is the paper's convention (albedo and roughness on [-1,1]); angle in degrees.
+
+    "scaled" is after each photo's best albedo scale, which no photo of unknown exposure tells.
+    """
     a = (predicted["albedo"] - target["albedo"]).square().mean()
+    scale = best_scale(predicted["albedo"], target["albedo"])[:, None, None, None]
+    scaled = (predicted["albedo"] * scale - target["albedo"]).square().mean()
     n = (predicted["normal"] - target["normal"]).square().mean()
     r = (predicted["roughness"] - target["roughness"]).square().mean()
     cos = (predicted["normal"] * target["normal"]).sum(dim=1).clamp(-1, 1)
     out = {
         "albedo_mse": 4 * float(a),
+        "albedo_scaled_mse": 4 * float(scaled),
         "normal_mse": float(n),
         "roughness_mse": 4 * float(r),
         "albedo_rmse": math.sqrt(float(a)),

@@ -1,7 +1,8 @@
 """The network: one encoder of seven stride-2 convolutions, three decoders with skips, a classifier whose softmax
 mixes the per-class last layers (paper, "Network Design"). Presets are the widths; every layer folds to int8.
 
-Input (B,5,n,n): sRGB-encoded R, G, B in [0,1], then (p.x+1)/2 and (p.y+1)/2. n is a multiple of 128.
+Input (B,6,n,n): sRGB-encoded R, G, B in [0,1], then (p.x+1)/2, (p.y+1)/2, and 1 where the flash's strength is known
+(the photo is then in its units: a flat white Lambertian at the centre would be 1) or 0. n is a multiple of 128.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from . import CLASSES
 from .render.flash import pixel_positions
 
 HEADS = {"albedo": 3, "normal": 3, "roughness": 1}
-INPUT_CHANNELS = 5
+INPUT_CHANNELS = 6
 STAGES = 7
 Z_EPS = 1e-2
 
@@ -30,6 +31,7 @@ class NetworkConfig:
     encoder: tuple[int, ...]
     decoder: tuple[int, ...]
     classifier: int = 128
+    texture: int = 3  # encoder stage whose mean the classifier reads beside the deepest's: texture without order
     encoder_kernel: int = 4
     mixing: bool = True  # K per-class heads mixed by the classifier; off: one head (variant `basic`)
     classify: bool = True
@@ -114,7 +116,7 @@ class Network(nn.Module):
         self.encoder = nn.ModuleList(ConvBlock(a, b, config.encoder_kernel, 2) for a, b in itertools.pairwise(widths))
         self.decoders = nn.ModuleDict({name: Decoder(config, n) for name, n in HEADS.items()})
         self.classifier = nn.Sequential(
-            nn.Linear(config.encoder[-1], config.classifier),
+            nn.Linear(config.encoder[-1] + config.encoder[config.texture], config.classifier),
             nn.ReLU(),
             nn.Linear(config.classifier, len(CLASSES)),
         )
@@ -125,7 +127,11 @@ class Network(nn.Module):
         for block in self.encoder:
             x = block(x)
             features.append(x)
-        return features, self.classifier(x.float().mean(dim=(2, 3)))
+        return features, self.classifier(self.pooled(features))
+
+    def pooled(self, features: list[Tensor]) -> Tensor:
+        """What the classifier reads: means over space of the deepest features and of the texture stage's."""
+        return torch.cat([f.float().mean(dim=(2, 3)) for f in (features[-1], features[self.config.texture])], dim=1)
 
     def classify(self, x: Tensor) -> Tensor:
         """Class logits alone (variant `clsOnly`)."""
@@ -150,11 +156,12 @@ def activate(raw: dict[str, Tensor]) -> dict[str, Tensor]:
     }
 
 
-def network_input(photo_srgb: Tensor) -> Tensor:
-    """Appends the coordinate channels to an sRGB-encoded photo (B,3,n,n)."""
+def network_input(photo_srgb: Tensor, known: Tensor) -> Tensor:
+    """Appends to sRGB-encoded photos (B,3,n,n) the coordinates and `known` (B,), 1 or 0: the flash's strength is."""
     b, _, n, _ = photo_srgb.shape
     p = (pixel_positions(n, photo_srgb.device) + 1.0) / 2.0
-    return torch.cat((photo_srgb, p.expand(b, 2, n, n)), dim=1)
+    flag = known.to(photo_srgb)[:, None, None, None].expand(b, 1, n, n)
+    return torch.cat((photo_srgb, p.expand(b, 2, n, n), flag), dim=1)
 
 
 def gmacs(config: NetworkConfig, size: int = 256) -> float:

@@ -26,7 +26,7 @@ CLASS_NAMES = ("fabric", "ground", "leather", "metal", "stone-diff", "stone-spec
 MAP_CHANNELS = {"albedo": 3, "normal": 3, "roughness": 1}
 MAP_CODES = {"albedo": 1, "normal": 2, "roughness": 3}
 OP_CONV, OP_MEAN_POOL, OP_DENSE, OP_MIX_HEAD = 1, 2, 3, 4
-INPUT_CHANNELS = 5
+INPUT_CHANNELS = 6
 INPUT_SCALE = float(np.float32(1.0) / np.float32(255.0))
 INPUT_ZERO_POINT = -128
 CRF_COEFFICIENTS = 12
@@ -86,10 +86,10 @@ class Conv:
 
 @dataclass
 class MeanPool:
-    """Mean over space, dequantised to a float vector."""
+    """Mean over space of one or two tensors, dequantised to one float vector."""
 
     name: str
-    source: str
+    sources: tuple[str, ...]
     output: str
 
 
@@ -261,6 +261,11 @@ def _layer_record(graph: Graph, ids: dict[str, int], layer: Layer, sections: dic
         fields[6:8] = [kh, kw]
         fields[9:13] = layer.pad
         fields[17] = cout
+    elif isinstance(layer, MeanPool):
+        pair = _source_fields(graph, ids, tuple(Source(s) for s in layer.sources))
+        fields[1], fields[3] = pair[0], pair[2]
+        count = sum(graph.tensor(s).channels for s in layer.sources)
+        _require(count == graph.tensor(layer.output).channels, f"{layer.name}: one mean per channel of its sources")
     else:
         fields[1] = ids[layer.source]
     if isinstance(layer, Conv):
@@ -320,7 +325,7 @@ def _graph_bytes(graph: Graph, sections: dict[str, _Section]) -> bytes:
         graph.input == first.name
         and (first.channels, first.divisor, first.zero_point) == (INPUT_CHANNELS, 1, INPUT_ZERO_POINT)
         and np.float32(first.scale) == np.float32(INPUT_SCALE),
-        "tensor 0 is the input: 5 channels, divisor 1, scale 1/255, zero point -128",
+        "tensor 0 is the input: 6 channels, divisor 1, scale 1/255, zero point -128",
     )
     data = struct.pack("<4I", len(graph.tensors), len(graph.layers), ids[graph.input], ids[graph.logits])
     for tensor in graph.tensors:
@@ -428,7 +433,7 @@ def _parse_layer(sections: dict[str, bytes], tensors: list[Tensor], record: byte
             _floats(sections["WGTF"], fields[23], (cout,)) if has_float else None,
         )
     if op == OP_MEAN_POOL:
-        return MeanPool(name, sources[0].tensor, tensors[fields[5]].name)
+        return MeanPool(name, tuple(s.tensor for s in sources), tensors[fields[5]].name)
     if op == OP_DENSE:
         weight = _floats(params, fields[18], (cout, cin))
         return Dense(

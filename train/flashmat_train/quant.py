@@ -17,7 +17,7 @@ from torch import Tensor, nn
 
 from . import checkpoint
 from .export import blocks, calibrate, calibration_photos, fold
-from .model import HEADS, Network, NetworkConfig, activate
+from .model import HEADS, INPUT_CHANNELS, Network, NetworkConfig, activate
 
 CODES = 255.0
 
@@ -60,7 +60,7 @@ class QuantNetwork(nn.Module):
         named = blocks(network)
         depth = len(network.config.encoder)
         scales = {"input": 1.0 / CODES} | {k: v / CODES for k, v in ranges.items()}
-        widths = {"input": 5} | {k: b.conv.out_channels for k, b in named.items()}
+        widths = {"input": INPUT_CHANNELS} | {k: b.conv.out_channels for k, b in named.items()}
         self.convs = nn.ModuleDict()
         for name, block in named.items():
             head, _, tail = name.rpartition(".")
@@ -76,6 +76,7 @@ class QuantNetwork(nn.Module):
             self.convs[name.replace(".", "_")] = conv
         self.heads = nn.ModuleDict({k: d.head for k, d in network.decoders.items()})
         self.classifier = network.classifier
+        self.pooled = network.pooled
 
     def encode(self, x: Tensor) -> tuple[list[Tensor], Tensor]:
         """Features of every stage, and the class logits."""
@@ -83,7 +84,7 @@ class QuantNetwork(nn.Module):
         for i in range(len(self.config.encoder)):
             x = self.convs[f"enc{i}"](x)
             features.append(x)
-        return features, self.classifier(x.mean(dim=(2, 3)))
+        return features, self.classifier(self.pooled(features))
 
     def forward(self, x: Tensor) -> dict[str, Tensor]:
         features, logits = self.encode(x)

@@ -5,7 +5,8 @@
 `toy.golden`: magic FMGOLD01, u32 record count, then records: name (32 bytes), u32 kind (0 i8, 1 f32, 2 u8), u32 step,
 u64 values in all, u32 CRC-32 of all values' bytes, u32 samples, then every `step`-th value. Little endian.
 Records: `photo` (sRGB codes [3][n][n]), each int8 tensor and vector by its name, `probabilities`, `map/<map>` mixed
-by the classifier, `metal/<map>` with the class given, and `float/...` from the float weights.
+by the classifier, `metal/<map>` with the class given, `lit/<map>` with a light scale of 1.5 known, and
+`float/...` from the float weights.
 """
 
 from __future__ import annotations
@@ -59,6 +60,8 @@ def main(folder: Path) -> None:
     records += [record(f"map/{name}", values) for name, values in result.maps.items()]
     metal = run_int8(model.graph, quantise_input(image), CLASS_NAMES.index("metal"))
     records += [record(f"metal/{name}", values) for name, values in metal.maps.items()]
+    lit = run_int8(model.graph, quantise_input(network_input(linear.astype(np.float32), 1.5)))
+    records += [record(f"lit/{name}", values) for name, values in lit.maps.items()]
     exact = run_float(model.graph, image)
     records += [record(f"float/{name}", values) for name, values in exact.tensors.items()]
     records.append(record("float/probabilities", exact.probabilities))

@@ -26,7 +26,7 @@ def ranges(network: Network, photo: torch.Tensor) -> dict[str, torch.Tensor]:
 def test_equalisation_keeps_the_function_and_evens_the_ranges() -> None:
     torch.manual_seed(5)
     network = Network(PRESETS["tiny"]).eval()
-    photo = torch.rand(2, 5, 128, 128)
+    photo = torch.rand(2, 6, 128, 128)
     with torch.no_grad():
         for block in blocks(network).values():
             block.norm.weight.copy_(torch.rand_like(block.norm.weight) * 3 + 0.01)

@@ -20,7 +20,7 @@ from flashmat_train.modelfile import Conv, read_model, write_model
 
 
 def photo(seed: int, size: int = 128) -> torch.Tensor:
-    return network_input(torch.round(random_maps(seed, size)[None, :3] * 255) / 255)
+    return network_input(torch.round(random_maps(seed, size)[None, :3] * 255) / 255, torch.ones(1))
 
 
 @pytest.fixture(scope="module")

@@ -185,6 +185,7 @@ def test_jpeg_is_libjpegs(quality: int) -> None:
 
 def test_plain_camera_only_rounds() -> None:
     x = torch.rand(2, 3, 32, 32, generator=torch.Generator().manual_seed(1)) * 1.2
-    photo = photograph(x, np.random.default_rng(0), CameraNoise(plain=1.0))
+    photo, known = photograph(x, np.random.default_rng(0), CameraNoise(plain=1.0))
+    assert known.tolist() == [1.0] * len(x)
     assert ((photo * 255).round() / 255 - photo).abs().max() < 1e-6
     assert photo.max() == 1 and (photo[x >= 1] == 1).all()

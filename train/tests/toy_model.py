@@ -29,7 +29,7 @@ class ToyBuilder:
     def __init__(self, seed: int, ranges: dict[str, tuple[float, float]]) -> None:
         self.rng = np.random.default_rng(seed)
         self.ranges = ranges  # of each convolution's output; missing: (0, 2)
-        self.tensors = {"input": Tensor("input", 5, 1, INPUT_SCALE, INPUT_ZERO_POINT)}
+        self.tensors = {"input": Tensor("input", 6, 1, INPUT_SCALE, INPUT_ZERO_POINT)}
         self.layers: list[Layer] = []
 
     def conv(
@@ -57,12 +57,12 @@ class ToyBuilder:
         )
         return name
 
-    def classifier(self, source: str, hidden: int) -> None:
-        """Adds mean pool and two dense layers, the second giving the logits."""
-        channels = self.tensors[source].channels
+    def classifier(self, sources: tuple[str, str], hidden: int) -> None:
+        """Adds the means of two tensors and two dense layers, the second giving the logits."""
+        channels = sum(self.tensors[source].channels for source in sources)
         for name, count in (("pool", channels), ("hidden", hidden), ("logits", 8)):
             self.tensors[name] = Tensor(name, count, 0)
-        self.layers.append(MeanPool("pool", source, "pool"))
+        self.layers.append(MeanPool("pool", sources, "pool"))
         for name, read, fan_in, fan_out in (
             ("hidden", "pool", channels, hidden),
             ("logits", "hidden", hidden, 8),
@@ -92,7 +92,7 @@ def _build(seed: int, ranges: dict[str, tuple[float, float]]) -> Model:
     mid = toy.conv("enc2", (Source(low),), 13, (4, 4), 2)
     deep = toy.conv("enc3", (Source(mid),), 34, (3, 3), 2, (0, 0, 1, 1), relu=False)
     deep = toy.conv("enc4", (Source(deep),), 18, (1, 1), 1, (0, 0, 0, 0))
-    toy.classifier(deep, 24)
+    toy.classifier((deep, mid), 24)
     for kind, width in (("albedo", 7), ("normal", 6), ("roughness", 5)):
         up = toy.conv(f"{kind}1", (Source(deep, True), Source(mid)), width + 7)
         up = toy.conv(f"{kind}2", (Source(up, True), Source(low)), width)

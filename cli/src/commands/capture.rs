@@ -40,6 +40,10 @@ pub(crate) struct CaptureArgs {
     /// The material class, when you know better than the network.
     #[arg(long, value_name = "NAME", value_parser = clap::builder::PossibleValuesParser::new(Class::ALL.map(Class::name)))]
     class: Option<String>,
+    /// Linear value that a flat white surface at the centre has in these photos (same exposure, same distance), if
+    /// known: measure it once with a sheet of white paper. Without it the albedo's brightness is a guess.
+    #[arg(long, value_name = "S", value_parser = light_scale)]
+    light_scale: Option<f32>,
     #[command(flatten)]
     run: RunArgs,
     /// Leave out the refinement after the network.
@@ -109,6 +113,11 @@ fn degrees(text: &str) -> Result<f32, String> {
     text.parse().ok().filter(in_range).ok_or_else(|| "must be 1 to 170 degrees".to_owned())
 }
 
+fn light_scale(text: &str) -> Result<f32, String> {
+    let in_range = |s: &f32| (1e-3..=1e3).contains(s);
+    text.parse().ok().filter(in_range).ok_or_else(|| "must be 0.001 to 1000".to_owned())
+}
+
 pub(crate) fn map_size(text: &str) -> Result<usize, String> {
     let fits = |n: &usize| (128..=2048).contains(n) && n.is_multiple_of(128);
     text.parse().ok().filter(fits).ok_or_else(|| "must be a multiple of 128, from 128 to 2048".to_owned())
@@ -135,6 +144,7 @@ pub(crate) fn run(args: &CaptureArgs) -> bool {
         refine: !args.no_refine,
         class: args.class.as_deref().and_then(Class::from_name),
         fov_deg: args.fov,
+        light_scale: args.light_scale,
         linear: args.encoding == Encoding::Linear,
     };
     let prepared = fs::create_dir_all(&args.out)

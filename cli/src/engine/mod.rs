@@ -35,6 +35,8 @@ pub(crate) struct Settings {
     pub(crate) class: Option<Class>,
     /// The user's word on the angle of view over the photo's shorter side, in degrees.
     pub(crate) fov_deg: Option<f32>,
+    /// The user's word on the light's scale in the photo.
+    pub(crate) light_scale: Option<f32>,
     pub(crate) linear: bool,
 }
 
@@ -48,6 +50,7 @@ impl Default for Settings {
             refine: true,
             class: None,
             fov_deg: None,
+            light_scale: None,
             linear: false,
         }
     }
@@ -129,6 +132,7 @@ impl<'m> Engine<'m> {
         let options = CaptureOptions {
             fov,
             class: settings.class,
+            light_scale: settings.light_scale,
             refine: settings.refine,
             ..CaptureOptions::default()
         };

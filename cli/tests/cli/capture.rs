@@ -189,3 +189,23 @@ fn render_names_what_is_missing() {
     assert_eq!(run.status.code(), Some(2));
     assert!(stderr(&run).contains("above the plane"), "{}", stderr(&run));
 }
+
+#[test]
+fn a_known_light_scale_sets_the_albedos_brightness_and_nonsense_is_refused() {
+    let folder = Folder::new();
+    let tiles = folder.photo("tiles.png");
+    let mean = |scale: &str| {
+        let out = folder.path(scale);
+        let run = capture(&[&tiles], &out, &["--no-refine", "--light-scale", scale]);
+        assert!(run.status.success(), "{}", stderr(&run));
+        let albedo = image::open(out.join("tiles/albedo.png")).expect("albedo").to_rgb8();
+        albedo.pixels().map(|p| p.0.iter().map(|&v| f64::from(v)).sum::<f64>()).sum::<f64>()
+    };
+    // The same photo under a light four times as strong is a darker material.
+    assert!(mean("0.5") > 1.2 * mean("2"));
+    for nonsense in ["0", "-1", "nan", "1e9", "bright"] {
+        let run = capture(&[&tiles], &folder.path("out"), &["--light-scale", nonsense]);
+        assert!(!run.status.success());
+        assert!(stderr(&run).contains("must be 0.001 to 1000"), "{}", stderr(&run));
+    }
+}

@@ -301,6 +301,9 @@ pub struct LinearImage<'a> {
     pub clipped: &'a [u8],
     /// Field of view over the square, in degrees.
     pub fov_deg: f32,
+    /// Linear value that a flat white Lambertian surface at the centre would have under the flash alone, if the caller
+    /// knows it (design: exposure times the flash's strength); positive.
+    pub light_scale: Option<f32>,
 }
 
 impl LinearImage<'_> {
@@ -348,5 +351,5 @@ pub fn prepare<'a>(
         geometry::rotate_square(plane, size, frame.rotation);
     }
     geometry::rotate_square(clipped, size, frame.rotation);
-    Ok(LinearImage { size, rgb, clipped, fov_deg: crop.fov_deg })
+    Ok(LinearImage { size, rgb, clipped, fov_deg: crop.fov_deg, light_scale: None })
 }

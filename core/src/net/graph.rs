@@ -132,6 +132,8 @@ pub struct Conv<'m> {
 pub struct MeanPool {
     /// Image tensor read.
     pub source: usize,
+    /// Another one, whose means follow those of the first.
+    pub second: Option<usize>,
     /// Vector written.
     pub output: usize,
 }
@@ -214,7 +216,7 @@ impl Op<'_> {
             Self::Conv(Conv { sources, .. }) | Self::MixHead(MixHead { sources, .. }) => {
                 (sources.first.tensor, sources.second.map(|s| s.tensor))
             }
-            Self::MeanPool(pool) => (pool.source, None),
+            Self::MeanPool(pool) => (pool.source, pool.second),
             Self::Dense(dense) => (dense.source, None),
         };
         [Some(first), second].into_iter().flatten()
@@ -231,8 +233,8 @@ pub struct Graph<'m> {
 
 /// The input's tensor number.
 pub const INPUT: usize = 0;
-/// The input's channels: sRGB-encoded R, G, B, then (px + 1) / 2 and (py + 1) / 2.
-pub const INPUT_CHANNELS: usize = 5;
+/// The input's channels: sRGB-encoded R, G, B, then (px + 1) / 2, (py + 1) / 2, and 1 where the light's scale is known.
+pub const INPUT_CHANNELS: usize = 6;
 /// The input's scale: one step of an 8-bit photo.
 pub const INPUT_SCALE: f32 = 1.0 / 255.0;
 /// The input's zero point.

@@ -332,14 +332,17 @@ impl<'m> Loader<'_, 'm> {
     }
 
     fn read_pool(&mut self, fields: &mut Fields) -> Result<MeanPool, ModelError> {
-        self.no_second_source(fields)?;
         let (source, shape) = self.read(fields.take(field::SOURCE0), true)?;
+        let (second, more) = match fields.take(field::SOURCE1) {
+            NONE => (None, 0),
+            id => self.read(id, true).map(|(tensor, shape)| (Some(tensor), shape.channels))?,
+        };
         let channels = fields.take(field::COUT) as usize;
-        if channels != shape.channels {
+        if channels != shape.channels + more {
             return Err(self.shape_error());
         }
         let output = self.write(fields.take(field::OUTPUT), channels, 0)?;
-        Ok(MeanPool { source, output })
+        Ok(MeanPool { source, second, output })
     }
 
     fn read_dense(&mut self, fields: &mut Fields) -> Result<Dense<'m>, ModelError> {

@@ -304,11 +304,15 @@ impl<'m> State<'_, 'm> {
                 self.tap.image(output, tensor, codes);
             }
             Op::MeanPool(pool) => {
-                let source = graph.tensors().get(pool.source);
-                let codes = find(&[], self.images, Place::default(), self.place(pool.source));
                 let (_, values, _) = carve(self.vectors, hole);
-                if let Some(source) = source {
-                    op_pool::run(source, codes, values);
+                let mut rest = &mut *values;
+                for source in [Some(pool.source), pool.second].into_iter().flatten() {
+                    let Some(tensor) = graph.tensors().get(source) else { continue };
+                    let place = self.network.plan.places.get(source).copied().unwrap_or_default();
+                    let codes = find(&[], self.images, Place::default(), place);
+                    let (means, after) = rest.split_at_mut(tensor.channels.min(rest.len()));
+                    op_pool::run(tensor, codes, means);
+                    rest = after;
                 }
                 self.tap.vector(output, tensor, values);
             }

@@ -1,4 +1,5 @@
-//! The network's input: a linear photo to int8 pixels of sRGB-encoded R, G, B and the two coordinates.
+//! The network's input: a linear photo to int8 pixels of sRGB-encoded R, G, B, the two coordinates, and whether the
+//! light's scale is known; if it is, R, G, B are divided by it first.
 //!
 //! A colour's code is the number of 8-bit steps (sRGB-encoded, rounded) at or below it, found by comparison with
 //! the 255 linear values that lie half-way between codes: no power function per pixel. A photo that was 8-bit sRGB
@@ -57,22 +58,23 @@ fn coordinate(index: usize, size: usize) -> i8 {
     to_i8(round_half_even(centre * 255.0) as u8)
 }
 
-/// Fills the input tensor `[size][size][5]`.
+/// Fills the input tensor `[size][size][6]`.
 pub(super) fn run(photo: &LinearImage<'_>, exec: &dyn Executor, out: &mut [i8]) {
     let size = photo.size;
     let encoder = Encoder::new();
     let row_len = size * INPUT_CHANNELS;
+    let (gain, known) = photo.light_scale.map_or((1.0, to_i8(0)), |scale| (1.0 / scale, to_i8(255)));
     for_each_row_block(exec, size, ROWS_PER_BLOCK, Plane::new(out, row_len), &|rows, mut out| {
         for (y, out) in rows.zip(out.rows()) {
             let up = coordinate(size - 1 - y, size);
             for (channel, plane) in photo.rgb.chunks_exact(size * size).enumerate() {
                 let line = plane.chunks_exact(size).nth(y).unwrap_or(&[]);
                 for (slot, &linear) in out.iter_mut().skip(channel).step_by(INPUT_CHANNELS).zip(line) {
-                    *slot = to_i8(encoder.code(linear));
+                    *slot = to_i8(encoder.code(linear * gain));
                 }
             }
             for (x, pixel) in out.as_chunks_mut::<INPUT_CHANNELS>().0.iter_mut().enumerate() {
-                [pixel[3], pixel[4]] = [coordinate(x, size), up];
+                [pixel[3], pixel[4], pixel[5]] = [coordinate(x, size), up, known];
             }
         }
     });
@@ -109,12 +111,16 @@ mod tests {
         let size = 128;
         let rgb = vec![1.0; 3 * size * size];
         let clipped = vec![0; size * size];
-        let photo = LinearImage { size, rgb: &rgb, clipped: &clipped, fov_deg: 43.35 };
-        let mut out = vec![0; size * size * 5];
+        let photo = LinearImage { size, rgb: &rgb, clipped: &clipped, fov_deg: 43.35, light_scale: None };
+        let mut out = vec![0; size * size * 6];
         run(&photo, &Inline, &mut out);
         // Top left: px = -1 + 1/n, py = 1 - 1/n.
-        assert_eq!(out[..5], [127, 127, 127, -127, 126]);
-        let last = out.len() - 5;
-        assert_eq!(out[last..], [127, 127, 127, 126, -127]);
+        assert_eq!(out[..6], [127, 127, 127, -127, 126, -128]);
+        let last = out.len() - 6;
+        assert_eq!(out[last..], [127, 127, 127, 126, -127, -128]);
+        // Known light: half as bright as a scale of 2 says white is, and the flag.
+        run(&LinearImage { light_scale: Some(2.0), ..photo }, &Inline, &mut out);
+        let half = to_i8(round_half_even(linear_to_srgb(0.5) * 255.0) as u8);
+        assert_eq!(out[..6], [half, half, half, -127, 126, 127]);
     }
 }

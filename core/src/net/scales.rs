@@ -90,7 +90,7 @@ impl<E: Engine> Engine for Scales<E> {
         for (small, large) in rgb.chunks_exact_mut(m * m).zip(photo.rgb.chunks_exact(n * n)) {
             shrink(large, n, m, small, exec);
         }
-        let small = LinearImage { size: m, rgb, clipped, fov_deg: photo.fov_deg };
+        let small = LinearImage { size: m, rgb, clipped, ..*photo };
         let mut part = Part { observer, from: 0.0, share: BASE_SHARE };
         let classification = {
             let mut out = maps_of(first, m);

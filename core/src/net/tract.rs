@@ -129,17 +129,18 @@ impl Engine for FloatNetwork<'_> {
     }
 }
 
-/// The network's input in real numbers, `[size][size][5]`.
+/// The network's input in real numbers, `[size][size][6]`.
 fn input(photo: &LinearImage<'_>) -> Vec<f32> {
     let size = photo.size;
     let mut values = vec![0.0; size * size * INPUT_CHANNELS];
     let centre = |index: usize| (2 * index + 1) as f32 / (2 * size) as f32;
+    let (gain, known) = photo.light_scale.map_or((1.0, 0.0), |scale| (1.0 / scale, 1.0));
     for (index, pixel) in values.as_chunks_mut::<INPUT_CHANNELS>().0.iter_mut().enumerate() {
         let (x, y) = (index % size, index / size);
         for (value, plane) in pixel.iter_mut().zip(photo.rgb.chunks_exact(size * size)) {
-            *value = linear_to_srgb(plane[index].clamp(0.0, 1.0));
+            *value = linear_to_srgb((plane[index] * gain).clamp(0.0, 1.0));
         }
-        [pixel[3], pixel[4]] = [centre(x), centre(size - 1 - y)];
+        [pixel[3], pixel[4], pixel[5]] = [centre(x), centre(size - 1 - y), known];
     }
     values
 }
@@ -186,7 +187,21 @@ fn build(model: &Model<'_>, size: usize) -> TractResult<Arc<TypedRunnableModel>>
                 let input = builder.join(model, name, &conv.sources)?;
                 builder.conv(name, input, &conv.window, (conv.cin, conv.cout), weights, conv.relu)?
             }
-            Op::MeanPool(pool) => builder.mean(name, pool.source, graph.tensors()[pool.source].side(size))?,
+            Op::MeanPool(pool) => {
+                let first = builder.mean(name, pool.source, graph.tensors()[pool.source].side(size))?;
+                match pool.second {
+                    None => first,
+                    Some(second) => {
+                        let unique = std::format!("{name}.second");
+                        let more = builder.mean(&unique, second, graph.tensors()[second].side(size))?;
+                        builder.wire(
+                            &std::format!("{name}.joined"),
+                            TypedConcat { axis: 3 },
+                            &[first, more],
+                        )?
+                    }
+                }
+            }
             Op::Dense(dense) => builder.dense(name, dense, graph.tensors()[dense.source].channels)?,
             Op::MixHead(head) => {
                 let input = builder.join(model, name, &head.sources)?;

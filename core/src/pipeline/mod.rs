@@ -25,6 +25,9 @@ pub struct CaptureOptions {
     pub fov: FieldOfView,
     /// The class the caller insists on; the classifier decides otherwise.
     pub class: Option<Class>,
+    /// Linear value that a flat white surface at the centre has at this exposure under the flash alone, if known, 0.001 to
+    /// 1000. Without it the albedo's brightness is the network's guess: an exposure that the camera chose hides it.
+    pub light_scale: Option<f32>,
     /// Whether the CRFs refine the network's maps.
     pub refine: bool,
     /// When the CRFs' solver stops.
@@ -33,7 +36,13 @@ pub struct CaptureOptions {
 
 impl Default for CaptureOptions {
     fn default() -> Self {
-        Self { fov: FieldOfView::default(), class: None, refine: true, solver: crf::Options::default() }
+        Self {
+            fov: FieldOfView::default(),
+            class: None,
+            light_scale: None,
+            refine: true,
+            solver: crf::Options::default(),
+        }
     }
 }
 
@@ -152,6 +161,9 @@ impl<'m> Pipeline<'m> {
     }
 }
 
+/// Known light scales that a capture takes.
+const LIGHT_SCALES: core::ops::RangeInclusive<f32> = 1e-3..=1e3;
+
 /// Planes of f32 that live through a whole run, beside the photo's: two sets of maps, the re-render, the search's
 /// roughness and observability.
 const PLANES: usize = 7 + 7 + 3 + 1 + 1;
@@ -170,7 +182,7 @@ pub fn workspace_bytes(engine: &dyn Engine) -> usize {
 /// One photo through all stages with any engine; the capture lies in `workspace`.
 ///
 /// # Errors
-/// [`Error::Cancelled`] when the observer says so, [`Error::WorkspaceTooSmall`], [`Error::NoUsablePixels`] when the
+/// [`Error::Cancelled`] when the observer says so, [`Error::LightScale`], [`Error::WorkspaceTooSmall`], [`Error::NoUsablePixels`] when the
 /// photo is clipped all over, [`Error::PhotoBlack`], and what the stages say of wrong sizes.
 pub fn run<'a>(
     engine: &dyn Engine,
@@ -180,12 +192,15 @@ pub fn run<'a>(
     workspace: &'a mut [u8],
     observer: &mut dyn Observer,
 ) -> Result<Capture<'a>, Error> {
+    if options.light_scale.is_some_and(|scale| !LIGHT_SCALES.contains(&scale)) {
+        return Err(Error::LightScale);
+    }
     let size = engine.size();
     let mut arena = Arena::new(workspace);
     let photo = staged(observer, Stage::Frame, |_| {
         let photo = frame::prepare(frame, size, &options.fov, exec, &mut arena)?;
         search::check_exposure(&photo)?;
-        Ok(photo)
+        Ok(LinearImage { light_scale: options.light_scale, ..photo })
     })?;
     let run = stages::Run { photo, options, exec };
     let first = staged(observer, Stage::Net, |observer| First::infer(&run, engine, &mut arena, observer))?;

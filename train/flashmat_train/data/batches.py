@@ -61,8 +61,8 @@ class Crops(Dataset):
 class Batch:
     """A rendered batch on the training device."""
 
-    input: Tensor  # (B,5,n,n)
-    target: dict[str, Tensor]  # albedo, normal, roughness, cls
+    input: Tensor  # (B,6,n,n)
+    target: dict[str, Tensor]  # albedo, normal, roughness, cls, and known (B,): the flash's strength is
     f0: Tensor  # (B,1,1,1)
     points: Tensor  # (B,3,n,n)
     view: Tensor  # (B,3,n,n)
@@ -97,9 +97,11 @@ def render_batch(
     spin = tensor(rng.uniform(0, 2 * math.pi, size=b))
     ambient = env.render(index, spin, albedo, normal, rough, f0, geometry.view)
     radiance = radiance + ambient * strength[:, None, None, None]
-    photo = photograph(radiance, rng, options.camera)
-    target = {"albedo": albedo, "normal": normal, "roughness": rough, "cls": cls}
-    return Batch(network_input(photo), target, f0, geometry.points, geometry.view, light, tensor(novel_lights(rng, b)))
+    photo, known = photograph(radiance, rng, options.camera)
+    target = {"albedo": albedo, "normal": normal, "roughness": rough, "cls": cls, "known": known}
+    return Batch(
+        network_input(photo, known), target, f0, geometry.points, geometry.view, light, tensor(novel_lights(rng, b))
+    )
 
 
 def novel_lights(rng: np.random.Generator, b: int) -> np.ndarray:

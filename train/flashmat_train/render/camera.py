@@ -9,7 +9,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
-from ..data.pool import srgb_encode
+from ..data.pool import srgb_decode, srgb_encode
 from .jpeg import jpeg
 
 #: Linear mean that automatic exposure aims at, and the standard deviation of its logarithm: those of real flash
@@ -21,8 +21,10 @@ AUTO_MEAN, AUTO_SIGMA = 0.16, 0.45
 class CameraNoise:
     """How much of each a random phone has; standard deviations of the logarithm unless said otherwise."""
 
-    exposure: float = 0.15
-    auto: float = 0.75  # share of photos whose automatic exposure pulled the mean towards AUTO_MEAN
+    known: float = 0.5  # share of photos whose exposure is known: taken at some exposure, divided by it afterwards
+    exposure: float = 0.35  # of a known exposure around the flash's strength 1
+    auto: float = 1.0  # share of the others whose automatic exposure pulled the mean towards AUTO_MEAN
+    calibration: float = 0.03  # error of a known exposure
     white_balance: float = 0.04
     vignette: float = 0.4  # darkening of the corner, at most
     contrast: float = 0.5  # strength of an S-shaped tone curve, at most; half of the photos have one
@@ -30,11 +32,14 @@ class CameraNoise:
     shot: float = 0.02  # noise at white, at most (linear)
     read: float = 0.004  # noise at black, at most (linear)
     jpeg: float = 0.15  # share of photos that went through JPEG
-    plain: float = 0.25  # share of photos with none of these but 8-bit rounding
+    plain: float = 0.15  # share of photos with none of these but 8-bit rounding; their exposure is known and 1
 
 
-def photograph(radiance: Tensor, rng: np.random.Generator, c: CameraNoise) -> Tensor:
-    """Linear radiance (B,3,n,n) to sRGB-encoded photos in [0,1], 8 bit."""
+def photograph(radiance: Tensor, rng: np.random.Generator, c: CameraNoise) -> tuple[Tensor, Tensor]:
+    """Linear radiance (B,3,n,n) to sRGB-encoded photos in [0,1], 8 bit; and (B,) 1 where their exposure is known.
+
+    A photo of known exposure is in units of the flash's strength, whatever it was exposed at.
+    """
     b, _, n, _ = radiance.shape
     dev = radiance.device
     noisy = rng.random(b) >= c.plain
@@ -46,11 +51,13 @@ def photograph(radiance: Tensor, rng: np.random.Generator, c: CameraNoise) -> Te
     def uniform(*shape: int) -> Tensor:
         return torch.tensor(rng.random(shape), dtype=torch.float32, device=dev)
 
-    gain = torch.exp(on[:, None] * (gauss(b, 1) * c.exposure + gauss(b, 3) * c.white_balance))
-    x = radiance * gain[:, :, None, None]
+    known = 1 - on * torch.tensor(rng.random(b) >= c.known, dtype=torch.float32, device=dev)
+    exposed = torch.exp(on * known * gauss(b) * c.exposure)
+    gain = torch.exp(on[:, None] * (known[:, None] * gauss(b, 1) * c.calibration + gauss(b, 3) * c.white_balance))
+    x = radiance * (gain * exposed[:, None])[:, :, None, None]
     mean = x.clamp(0, 2).mean(dim=(1, 2, 3)).clamp_min(1e-3)
     aim = AUTO_MEAN * torch.exp(gauss(b) * AUTO_SIGMA)
-    pull = on * torch.tensor(rng.random(b) < c.auto, device=dev) * (0.5 + 0.5 * uniform(b))
+    pull = (1 - known) * torch.tensor(rng.random(b) < c.auto, device=dev) * (0.5 + 0.5 * uniform(b))
     x = x * ((aim / mean) ** pull)[:, None, None, None]
     line = torch.linspace(-1, 1, n, device=dev)
     r2 = (line[:, None] ** 2 + line[None, :] ** 2) / 2
@@ -68,7 +75,8 @@ def photograph(radiance: Tensor, rng: np.random.Generator, c: CameraNoise) -> Te
     if len(chosen):
         at = torch.from_numpy(chosen).to(dev)
         x = x.index_copy(0, at, jpeg(x[at], [int(q) for q in rng.integers(80, 98, size=len(chosen))]))
-    return x
+    rescaled = torch.round(srgb_encode((srgb_decode(x) / exposed[:, None, None, None]).clamp(0, 1)) * 255) / 255
+    return torch.where((exposed != 1)[:, None, None, None], rescaled, x), known
 
 
 def _blur(x: Tensor, sigma: Tensor) -> Tensor:

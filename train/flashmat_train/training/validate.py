@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import torch
 from torch import nn
@@ -16,10 +18,11 @@ MEAN_ALBEDO, MEAN_ROUGHNESS = 0.22, 0.6
 
 
 def validation_set(pool: Pool, env: Environments, size: int, per_material: int = 3) -> list[Batch]:
-    """The scales and lights vary, nothing else is random."""
-    options = SceneOptions(
-        augment=False, fov_exact=1.0, tilt_sigma=0.0, camera=CameraNoise(plain=1.0), environment=(0.0, 0.4)
-    )
+    """For each material a batch at the flash's known strength, where scales and lights vary and nothing else is random,
+    and one as a phone's automatic exposure takes them."""
+    base = SceneOptions(augment=False, fov_exact=1.0, tilt_sigma=0.0, environment=(0.0, 0.4))
+    known = replace(base, camera=CameraNoise(plain=1.0))
+    phone = replace(base, camera=CameraNoise(plain=0.0, known=0.0))
     out = []
     for i in range(len(pool)):
         rng = np.random.default_rng((99, i))
@@ -28,18 +31,23 @@ def validation_set(pool: Pool, env: Environments, size: int, per_material: int =
             for _ in range(per_material)
         ]
         cls = torch.full((per_material,), int(pool.classes[i]))
-        out.append(render_batch(torch.stack(crops), cls, env, options, rng))
+        out += [render_batch(torch.stack(crops), cls, env, options, rng) for options in (known, phone)]
     return out
 
 
 @torch.no_grad()
 def evaluate(network: nn.Module, val: list[Batch], device: torch.device | str) -> dict[str, float]:
-    """Mean errors over the validation photos, and those of the trivial guesses (`flat_*`); {} without photos."""
+    """Mean errors over the validation photos of known exposure, those of the trivial guesses (`flat_*`), and those over
+    the photos of unknown exposure (`phone_*`); {} without photos."""
     network.eval()
-    rows = []
+    rows: list[dict[str, float]] = []
+    phone: list[dict[str, float]] = []
     for b in val:
         out = {k: v.float().cpu() for k, v in network(b.input.to(device)).items()}
         row = map_errors(out, b.target)
+        if not b.target["known"].any():
+            phone.append({f"phone_{k}": v for k, v in row.items()})
+            continue
         base = map_errors(trivial(b.target, MEAN_ALBEDO, MEAN_ROUGHNESS), b.target)
         rows.append(row | {f"flat_{k}": v for k, v in base.items()})
-    return {k: float(np.mean([r[k] for r in rows])) for k in rows[0]} if rows else {}
+    return {k: float(np.mean([r[k] for r in part])) for part in (rows, phone) if part for k in part[0]}
