@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -53,27 +54,30 @@ def blocks(network: Network) -> dict[str, ConvBlock]:
 
 @torch.no_grad()
 def calibrate(network: Network, photos: list[Tensor], share: float = 0.99995) -> dict[str, float]:
-    """Upper end of each block's range: the `share` quantile of its values above zero, the mean over photos' maxima
-    if that is less."""
+    """Upper end of each block's range: the `share` quantile of its values in each photo, of these the 0.98 quantile."""
     tops: dict[str, list[float]] = {}
-    hooks = []
 
-    def watch(name: str, block: nn.Module) -> None:
-        def hook(_m: nn.Module, _i: object, y: Tensor) -> None:
-            v = y.float().flatten()
-            k = max(1, int(v.numel() * (1 - share)))
-            tops.setdefault(name, []).append(float(v.topk(k).values[-1]))
+    def look(name: str, y: Tensor) -> None:
+        v = y.float().flatten()
+        k = max(1, int(v.numel() * (1 - share)))
+        tops.setdefault(name, []).append(float(v.topk(k).values[-1]))
 
-        hooks.append(block.register_forward_hook(hook))
+    watch(network, photos, look)
+    return {name: max(float(np.quantile(v, 0.98)), 1e-4) for name, v in tops.items()}
 
-    for name, block in blocks(network).items():
-        watch(name, block)
+
+@torch.no_grad()
+def watch(network: Network, photos: list[Tensor], look: Callable[[str, Tensor], None]) -> None:
+    """Runs the photos and shows every block's output to `look`, with the name of the tensor."""
+    hooks = [
+        block.register_forward_hook(lambda _m, _i, y, name=name: look(name, y))
+        for name, block in blocks(network).items()
+    ]
     network.eval()
     for photo in photos:
         network(photo)
     for h in hooks:
         h.remove()
-    return {name: max(float(np.quantile(v, 0.98)), 1e-4) for name, v in tops.items()}
 
 
 def consumers(network: Network) -> dict[str, list[tuple[nn.Module, int]]]:
@@ -113,19 +117,11 @@ def equalise(network: Network, photos: list[Tensor]) -> None:
     """
     named = blocks(network)
     tops = {name: torch.zeros(block.conv.out_channels) for name, block in named.items()}
-    hooks = [
-        block.register_forward_hook(
-            lambda _m, _i, y, name=name: tops.__setitem__(
-                name, torch.maximum(tops[name], y.float().amax(dim=(0, 2, 3)))
-            )
-        )
-        for name, block in named.items()
-    ]
-    network.eval()
-    for photo in photos:
-        network(photo)
-    for h in hooks:
-        h.remove()
+
+    def look(name: str, y: Tensor) -> None:
+        tops[name] = torch.maximum(tops[name], y.float().amax(dim=(0, 2, 3)))
+
+    watch(network, photos, look)
     readers = consumers(network)
     for name, block in named.items():
         top = tops[name].clamp_min(1e-4)

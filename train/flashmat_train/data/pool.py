@@ -16,8 +16,10 @@ from torch import Tensor
 
 from .materials import Material
 
-#: Side of a crop as a share of the material's shorter side: the paper's 512, 1024, 2048, 3072, 4096 of 4096.
-CROP_SCALES = (0.125, 0.25, 0.5, 0.75, 1.0)
+#: Side of a crop as a share of the material's shorter side: the paper's 512, 1024, 2048, 3072, 4096 of 4096, and one
+#: beyond, since textures repeat: cloth in photos has finer threads than scans of it.
+CROP_SCALES = (0.125, 0.25, 0.5, 0.75, 1.0, 1.6)
+CROP_SHARES = (0.04, 0.18, 0.26, 0.22, 0.18, 0.12)
 
 
 def srgb_decode(x: Tensor) -> Tensor:
@@ -74,7 +76,7 @@ class Pool:
     def draw(self, rng: np.random.Generator, size: int) -> tuple[Tensor, int]:
         """A random crop (7,size,size) float (linear albedo, unit normal, roughness), and its class."""
         i = int(rng.choice(len(self), p=self.weight))
-        scale = float(rng.choice(CROP_SCALES, p=(0.05, 0.2, 0.3, 0.25, 0.2))) * float(rng.uniform(0.85, 1.15))
+        scale = float(rng.choice(CROP_SCALES, p=CROP_SHARES)) * float(rng.uniform(0.85, 1.15))
         turn = int(rng.integers(8))
         flip = bool(rng.integers(2))
         centre = rng.random(2)
