@@ -23,16 +23,16 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> None:
-    """Makes `count` materials, classes in turn, families in turn within the class; those already there stay."""
-    from ..procedural import FAMILIES, generate
+    """Makes `count` materials, classes in turn, families as often as they are meant to be; those already there stay."""
+    from ..procedural import FAMILIES, WEIGHTS, generate
 
     torch.set_num_threads(args.threads)
     args.out.mkdir(parents=True, exist_ok=True)
     for i in tqdm(range(args.count), mininterval=10):
         seed = args.seed * 1_000_000 + i
         cls = CLASSES[i % len(CLASSES)]
-        families = list(FAMILIES[cls])
-        family = families[(i // len(CLASSES)) % len(families)]
+        share = np.array([WEIGHTS.get(f"{cls}/{name}", 1.0) for name in FAMILIES[cls]])
+        family = str(np.random.default_rng(seed).choice(list(FAMILIES[cls]), p=share / share.sum()))
         path = args.out / f"{cls}--{family}--{seed}.npy"
         if path.exists():
             continue

@@ -1,4 +1,4 @@
-"""Fabrics: weaves (plain, twill, satin, checks), denim, knits, carpets, felt, corduroy, quilts, ropes."""
+"""Fabrics: weaves (plain, twill, satin, checks), denim, knits and jersey, carpets, felt, corduroy, quilts, ropes."""
 
 from __future__ import annotations
 
@@ -61,6 +61,15 @@ def _stripes(d: Draw, count: int, colours: list[Tensor]) -> Tensor:
     return torch.cat([colours[i].view(3, 1) for i in ids], 1)
 
 
+def _melange(d: Draw, n: int, threads: float, stretch: tuple[float, float]) -> Tensor:
+    """A factor (3, n, n) near 1: yarn spun from fibres of several shades, lighter and darker along each thread."""
+    flecks = spectral(d, n, d.uniform(0.2, 1.2), low=threads * d.uniform(0.1, 0.5), stretch=stretch)
+    if d.chance(0.4):  # few dark or light fibres among the others
+        flecks = unit((flecks - d.uniform(0.3, 1.2)).clamp_min(0)) * d.choice((-1.0, 1.0))
+    tint = 1 + 0.15 * d.randn(3).view(3, 1, 1)
+    return (1 + d.log_uniform(0.05, 0.4) * tint * flecks).clamp(0.15, 2.5)
+
+
 def _weave(d: Draw, n: int, kind: str, warps: list[Tensor], wefts: list[Tensor], fine: float = 1.0) -> Surface:
     u, v = d.grid(n)
     p = _pattern(d, kind).to(d.device)
@@ -115,6 +124,9 @@ def _weave(d: Draw, n: int, kind: str, warps: list[Tensor], wefts: list[Tensor],
     tone_a, tone_b = d.log_uniform(0.01, 0.07), d.log_uniform(0.01, 0.07)
     ca = _stripes(d, kx, warps)[:, ii] * (1 + tone_a * d.randn(kx)[ii])
     cb = _stripes(d, ky, wefts)[:, jj] * (1 + tone_b * d.randn(ky)[jj])
+    if d.chance(0.3):
+        long = d.uniform(2, 10)
+        ca, cb = ca * _melange(d, n, threads, (1, long)), cb * _melange(d, n, threads, (long, 1))
     base = torch.where(top, ca, cb)
     depth = unit_range(z)
     shade = d.uniform(0.1, 0.5)
@@ -164,8 +176,23 @@ def denim(d: Draw, n: int) -> Surface:
 
 
 def knit(d: Draw, n: int) -> Surface:
+    return _knit(d, n, int(min(d.log_uniform(6, 40), n / 9)), d.log_uniform(0.25, 0.85), 0.3)
+
+
+def jersey(d: Draw, n: int) -> Surface:
+    """Knit of fine yarn, as in shirts and pullovers: stitches near the photo's resolution, hardly any relief, often of
+    mixed yarn; it may be napped."""
+    s = _knit(d, n, int(d.log_uniform(n / 14, n / 5)), d.log_uniform(0.06, 0.35), 0.65)
+    if d.chance(0.3):
+        s.albedo = blur(s.albedo, d.uniform(0.5, 1.5) / n) * (
+            1 + d.uniform(0.02, 0.08) * spectral(d, n, 0.8, low=n / 16)
+        )
+    return s
+
+
+def _knit(d: Draw, n: int, kx: int, total: float, mixed: float) -> Surface:
+    """`kx` wales across; `mixed`: how often the yarn is of several shades."""
     u, v = d.grid(n)
-    kx = int(min(d.log_uniform(6, 40), n / 9))
     ky = max(2, round(kx * d.uniform(1.1, 1.6)))
     bend = spectral(d, n, 2.8, low=2, high=14, batch=2)
     sag = d.uniform(0.02, 0.14)
@@ -214,14 +241,13 @@ def knit(d: Draw, n: int) -> Surface:
         base = mix(colours[0], colours[1], motif.float())
     else:
         base = colours[0].expand(3, n, n)
-    if d.chance(0.3):  # melange yarn
-        base = base * (1 + 0.12 * spectral(d, n, 0.5, low=kx, stretch=(1, 2)))
+    if d.chance(mixed):
+        base = base * _melange(d, n, kx, (d.uniform(1, 4), 1) if d.chance(0.5) else (1, d.uniform(1, 4)))
     depth = unit_range(z)
     shade = d.uniform(0.35, 0.75)
     albedo = base * ((1 - shade) + shade * depth) * (1 + 0.05 * ply + 0.05 * fuzz + 0.04 * hairs)
     rough = d.uniform(0.62, 0.88) - d.log_uniform(0.03, 0.35) * (depth - 0.6) + 0.02 * fuzz
     z = z + 0.5 * blur(rib[ii], 0.25 / kx, 0.01 / kx) + 0.07 * ply * depth + d.uniform(0.02, 0.07) * (fuzz + hairs)
-    total = d.log_uniform(0.25, 0.85)
     return Surface(albedo, to_slope(z, total) + to_slope(bend[0], 0.1 * total), rough, total, limit=1.8)
 
 
@@ -295,6 +321,8 @@ def felt(d: Draw, n: int) -> Surface:
     rough = d.uniform(0.65, 0.95) + 0.025 * fibres - 0.04 * hair
     tint = spectral(d, n, 2.4, low=2)
     albedo = mix(base * tone, jitter(d, base, 0.05), 0.3 * mask(tint, 0.5, 0.8))
+    if d.chance(0.4):
+        albedo = albedo * _melange(d, n, n * d.uniform(0.05, 0.3), (1, 1))
     return Surface(albedo, height, rough, d.log_uniform(0.08, 0.5), limit=2.0)
 
 
@@ -384,6 +412,7 @@ FAMILIES = {
     "checked": checked,
     "denim": denim,
     "knit": knit,
+    "jersey": jersey,
     "carpet": carpet,
     "felt": felt,
     "corduroy": corduroy,
