@@ -98,6 +98,7 @@ fn each_broken_rule_has_its_error() {
         (with(params + bias, &i32::MIN.to_le_bytes()), E::LayerValue { layer: 0 }),
         (with(params + scale, &f32::INFINITY.to_le_bytes()), E::LayerValue { layer: 0 }),
         (with(params + scale, &(-1.0_f32).to_le_bytes()), E::LayerValue { layer: 0 }),
+        (with(weights, &[0x80]), E::LayerValue { layer: 0 }),
         (with(weights, &[TOY_MODEL[weights] ^ 1]), E::LayerSums { layer: 0 }),
         (with(section(b"CRFC").0, &(-1.0_f32).to_le_bytes()), E::Crf),
         (with(section(b"DFLT").0, &f32::NAN.to_le_bytes()), E::Defaults),

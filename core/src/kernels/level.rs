@@ -15,7 +15,7 @@ pub enum Level {
     Neon,
     /// AArch64 with the dot-product extension.
     DotProd,
-    /// AArch64 with the int8 matrix-multiply extension.
+    /// AArch64 with the int8 matrix-multiply extension (and the dot products).
     I8mm,
 }
 
@@ -95,7 +95,10 @@ impl Level {
         #[cfg(all(feature = "std", target_arch = "aarch64"))]
         match self {
             Self::DotProd => return std::arch::is_aarch64_feature_detected!("dotprod"),
-            Self::I8mm => return std::arch::is_aarch64_feature_detected!("i8mm"),
+            Self::I8mm => {
+                return std::arch::is_aarch64_feature_detected!("dotprod")
+                    && std::arch::is_aarch64_feature_detected!("i8mm");
+            }
             _ => {}
         }
         self.is_baseline()
@@ -115,7 +118,9 @@ impl Level {
             )),
             Self::Neon => cfg!(all(target_arch = "aarch64", target_feature = "neon")),
             Self::DotProd => cfg!(all(target_arch = "aarch64", target_feature = "dotprod")),
-            Self::I8mm => cfg!(all(target_arch = "aarch64", target_feature = "i8mm")),
+            Self::I8mm => {
+                cfg!(all(target_arch = "aarch64", target_feature = "dotprod", target_feature = "i8mm"))
+            }
         }
     }
 }

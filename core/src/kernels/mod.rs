@@ -6,9 +6,14 @@
 //!
 //! A level is chosen once, with [`Kernels::for_level`]; there are no globals. Only this folder has `unsafe`, and only
 //! for vector loads and stores, whose bounds [`Block::new`] has checked.
+#[cfg(all(target_arch = "aarch64", target_feature = "neon", target_endian = "little"))]
+mod aarch64;
 mod level;
 pub mod pack;
 mod scalar;
+#[cfg(test)]
+mod tests;
+#[cfg(target_arch = "x86_64")]
 mod tiles;
 #[cfg(target_arch = "x86_64")]
 mod x86_64;
@@ -24,6 +29,12 @@ pub static ALL: &[&Kernels] = &[
     &x86_64::avx2::KERNELS,
     #[cfg(target_arch = "x86_64")]
     &x86_64::avx512vnni::KERNELS,
+    #[cfg(all(target_arch = "aarch64", target_feature = "neon", target_endian = "little"))]
+    &aarch64::neon::KERNELS,
+    #[cfg(all(target_arch = "aarch64", target_feature = "neon", target_endian = "little"))]
+    &aarch64::dotprod::KERNELS,
+    #[cfg(all(target_arch = "aarch64", target_feature = "neon", target_endian = "little"))]
+    &aarch64::i8mm::KERNELS,
 ];
 
 /// The kernels of one level.

@@ -1,4 +1,4 @@
-//! How a block's output pixels are cut into register tiles: shared by all vector levels.
+//! How a block's output pixels are cut into register tiles: shared by the x86-64 levels.
 //!
 //! A tile is up to [`MAX_RUNS`] runs of [`Tile::width`] neighbouring pixels of one output row. Runs of 4 first, over
 //! all rows; then what is left of each row when its length is no multiple of 4.

@@ -96,7 +96,8 @@ pub enum ModelError {
         /// Its number in the file.
         layer: u32,
     },
-    /// A layer's parameters hold a value outside its range: not finite, a scale not positive, a bias too large.
+    /// A layer's parameters hold a value outside its range: not finite, a scale not positive, a bias too large, a
+    /// weight code of -128.
     LayerValue {
         /// Its number in the file.
         layer: u32,

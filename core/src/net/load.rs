@@ -302,6 +302,10 @@ impl<'m> Loader<'_, 'm> {
             .and_then(|end| self.sections.weights.get(start..end))
             .ok_or(self.bounds_error())?;
         let weights: &[i8] = bytemuck::cast_slice(weights);
+        // Symmetric: kernels may add two products in 16 bits.
+        if weights.contains(&i8::MIN) {
+            return Err(wrong);
+        }
         let params = self.sections.params;
         let bias = I32s::new(params, fields.take(field::BIAS), cout).ok_or(self.bounds_error())?;
         if bias.iter().any(|b| b.unsigned_abs() > MAX_BIAS.unsigned_abs()) {

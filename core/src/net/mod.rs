@@ -19,7 +19,7 @@ mod plan;
 pub mod quant;
 pub mod scales;
 #[cfg(test)]
-mod testing;
+pub(crate) mod testing;
 #[cfg(test)]
 mod tests;
 #[cfg(feature = "tract")]
