@@ -30,7 +30,10 @@ impl Case {
         let plain = random.weights(shape.plain_len());
         let padded = shape.panels() * pack::PANEL;
         let offset = (0..padded).map(|_| (random.float() * 1e5) as i32).collect();
-        let multiplier = (0..padded).map(|_| 1e-3 * (1.1 + random.float())).collect();
+        // Every other channel a power of two: products that lie half way between codes.
+        let one =
+            |(i, r): (usize, f32)| if i % 2 == 0 { 1e-3 * (1.1 + r) } else { 0.5_f32.powi(3 + i as i32 % 7) };
+        let multiplier = (0..padded).map(|_| random.float()).enumerate().map(one).collect();
         Self { shape, geometry, codes, packed: Self::pack(&plain, &shape), plain, offset, multiplier }
     }
 
