@@ -107,7 +107,5 @@ fn multiply<const N: usize>(block: &Block<'_>, tile: &Tile<N>, half: usize, out:
             }
         }
     }
-    for (i, sums) in acc.into_iter().enumerate().take(tile.count) {
-        store(block, tile.first + i, half, sums, out);
-    }
+    store(block, tile, half, acc, out);
 }

@@ -150,12 +150,10 @@ fn multiply<const N: usize, const P: usize>(
             }
         }
     }
-    for (p, [a, b, c, d]) in acc.into_iter().enumerate() {
+    let mut sums = [offset; N];
+    for (sums, [a, b, c, d]) in sums.as_chunks_mut::<2>().0.iter_mut().zip(acc) {
         let (low, high) = (transpose(a, b), transpose(c, d));
-        for i in 0..2 {
-            if 2 * p + i < tile.count {
-                store(block, tile.first + 2 * p + i, half, [low[i], high[i]], out);
-            }
-        }
+        *sums = [[low[0], high[0]], [low[1], high[1]]];
     }
+    store(block, tile, half, sums, out);
 }

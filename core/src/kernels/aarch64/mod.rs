@@ -10,8 +10,8 @@ pub(super) mod neon;
 use super::pack::{BLOCK, PANEL};
 use super::{Block, Requant};
 use core::arch::aarch64::{
-    int32x4_t, vaddq_s32, vcombine_s16, vcvtnq_s32_f32, vcvtq_f32_s32, vdupq_n_f32, vdupq_n_s32, vld1q_f32,
-    vmaxnmq_f32, vminnmq_f32, vmovn_s16, vmovn_s32, vmulq_f32, vst1_s8, vst1q_s32,
+    float32x4_t, int32x4_t, vaddq_s32, vcombine_s16, vcvtnq_s32_f32, vcvtq_f32_s32, vdupq_n_f32, vdupq_n_s32,
+    vld1q_f32, vmaxnmq_f32, vminnmq_f32, vmovn_s16, vmovn_s32, vmulq_f32, vst1_s8, vst1q_s32,
 };
 
 /// Channels in half a panel.
@@ -57,8 +57,14 @@ impl Walk {
     /// The next N pixels; fewer than one must not be left.
     #[inline]
     fn take<const N: usize>(&mut self) -> Tile<N> {
-        let (first, count) = (self.next, self.left.min(N));
-        let mut last = self.at.1;
+        let (first, count, (column, start, row)) = (self.next, self.left.min(N), self.at);
+        self.next += count;
+        self.left -= count;
+        if column + N < self.cols {
+            self.at = (column + N, start + N * self.step, row);
+            return Tile { first, count, starts: core::array::from_fn(|i| start + i * self.step) };
+        }
+        let mut last = start;
         let starts = core::array::from_fn(|i| {
             if i < count {
                 let (column, start, row) = self.at;
@@ -71,8 +77,6 @@ impl Walk {
             }
             last
         });
-        self.next += count;
-        self.left -= count;
         Tile { first, count, starts }
     }
 }
@@ -82,45 +86,60 @@ const fn weights_start(block: &Block<'_>, half: usize) -> usize {
     (half / 2) * block.shape.panel_len() + (half % 2) * HALF_BLOCK
 }
 
-/// Stores one pixel's 8 finished sums (offset included).
+/// Stores a tile's finished sums (offset included).
 #[inline]
 #[target_feature(enable = "neon")]
-fn store(block: &Block<'_>, pixel: usize, half: usize, sums: [int32x4_t; 2], out: &mut Out<'_>) {
+fn store<const N: usize>(
+    block: &Block<'_>,
+    tile: &Tile<N>,
+    half: usize,
+    sums: [[int32x4_t; 2]; N],
+    out: &mut Out<'_>,
+) {
     let (cout, first) = (block.shape.cout, half * HALF);
     let lanes = (cout - first).min(HALF);
-    let at = pixel * cout + first;
+    let at = tile.first * cout + first;
     match out {
         Out::Codes(requant, out) => {
             let (low, high) = requant.range.product_bounds();
             let zero_point = vdupq_n_s32(i32::from(requant.range.zero_point));
-            let code = |sum: int32x4_t, channel: usize| {
-                // SAFETY: `Kernels::convolve` checked that there is one multiplier per packed channel.
-                let multiplier = unsafe { vld1q_f32(requant.multiplier.as_ptr().add(channel)) };
+            // SAFETY: `Kernels::convolve` checked that there is one multiplier per packed channel.
+            let multiplier: [float32x4_t; 2] = core::array::from_fn(|h| unsafe {
+                vld1q_f32(requant.multiplier.as_ptr().add(first + 4 * h))
+            });
+            let code = |sum: int32x4_t, multiplier: float32x4_t| {
                 let product = vmulq_f32(vcvtq_f32_s32(sum), multiplier);
                 let clamped = vminnmq_f32(vmaxnmq_f32(product, vdupq_n_f32(low)), vdupq_n_f32(high));
                 // Rounds half to even, whatever the rounding mode.
                 vmovn_s32(vaddq_s32(vcvtnq_s32_f32(clamped), zero_point))
             };
-            let codes = vmovn_s16(vcombine_s16(code(sums[0], first), code(sums[1], first + HALF / 2)));
-            let out = &mut out[at..at + lanes];
-            if lanes == HALF {
-                // SAFETY: `out` is 8 bytes long.
-                unsafe { vst1_s8(out.as_mut_ptr(), codes) };
-            } else {
-                let mut values = [0; HALF];
-                // SAFETY: `values` is 8 bytes long.
-                unsafe { vst1_s8(values.as_mut_ptr(), codes) };
-                out.copy_from_slice(&values[..lanes]);
+            for (i, [a, b]) in sums.into_iter().enumerate() {
+                if i < tile.count {
+                    let codes = vmovn_s16(vcombine_s16(code(a, multiplier[0]), code(b, multiplier[1])));
+                    let out = &mut out[at + i * cout..][..lanes];
+                    let mut values = [0; HALF];
+                    // SAFETY: both are 8 bytes long.
+                    unsafe {
+                        vst1_s8(if lanes == HALF { out.as_mut_ptr() } else { values.as_mut_ptr() }, codes);
+                    }
+                    if lanes != HALF {
+                        out.copy_from_slice(&values[..lanes]);
+                    }
+                }
             }
         }
         Out::Sums(out) => {
-            let mut values = [0; HALF];
-            // SAFETY: `values` is 8 words long.
-            unsafe {
-                vst1q_s32(values.as_mut_ptr(), sums[0]);
-                vst1q_s32(values.as_mut_ptr().add(HALF / 2), sums[1]);
+            for (i, [a, b]) in sums.into_iter().enumerate() {
+                if i < tile.count {
+                    let mut values = [0; HALF];
+                    // SAFETY: `values` is 8 words long.
+                    unsafe {
+                        vst1q_s32(values.as_mut_ptr(), a);
+                        vst1q_s32(values.as_mut_ptr().add(HALF / 2), b);
+                    }
+                    out[at + i * cout..][..lanes].copy_from_slice(&values[..lanes]);
+                }
             }
-            out[at..at + lanes].copy_from_slice(&values[..lanes]);
         }
     }
 }

@@ -147,8 +147,7 @@ fn multiply(block: &Block<'_>, tile: &Tile<PIXELS>, half: usize, out: &mut Out<'
     // SAFETY: `Block::new` checked one offset per packed channel.
     let offset: [int32x4_t; 2] =
         core::array::from_fn(|h| unsafe { vld1q_s32(block.offset.as_ptr().add(half * HALF + 4 * h)) });
-    for (i, [a, b, c, d]) in acc.into_iter().enumerate().take(tile.count) {
-        let sums = [vaddq_s32(vpaddq_s32(a, b), offset[0]), vaddq_s32(vpaddq_s32(c, d), offset[1])];
-        store(block, tile.first + i, half, sums, out);
-    }
+    let sums = acc
+        .map(|[a, b, c, d]| [vaddq_s32(vpaddq_s32(a, b), offset[0]), vaddq_s32(vpaddq_s32(c, d), offset[1])]);
+    store(block, tile, half, sums, out);
 }
