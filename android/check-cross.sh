@@ -2,7 +2,7 @@
 # What can be checked of the Android build without the NDK, Gradle and a device, from Debian's packages alone:
 #   1 core (no_std) and the JNI crate compiled for aarch64-linux-android, the crate also for 32-bit ARM
 #   2 the library linked against stubs of bionic (an allow-list of imports), its exports and page alignment looked at
-#   3 the golden network results on aarch64 under qemu, with all CPU features and with none but NEON
+#   3 the kernels' tests and the golden network results on aarch64 under qemu, with all CPU features and with none but NEON
 #   4 the Java sources compiled against a real android.jar, and a signed APK of them put together
 #   android/check-cross.sh [STEP...]    all of them unless named: compile link golden apk
 # Says "NOT RUN" and why for what the machine cannot do; that is no failure. The .so made here cannot run: its unwinder
@@ -119,16 +119,16 @@ if wanted golden && [ -x "$cargo" ]; then
   if packages qemu-user-static gcc-aarch64-linux-gnu libc6-dev-arm64-cross; then
     export CARGO_TARGET_AARCH64_UNKNOWN_LINUX_GNU_LINKER=aarch64-linux-gnu-gcc
     for cpu in max cortex-a53; do
-      # Once there are kernels for it, the best level of the CPU must have run; until then it is scalar code.
-      if [ -d core/src/kernels/aarch64 ]; then
-        level=neon
-        [ $cpu = max ] && level=i8mm
-        export FLASHMAT_REQUIRE_LEVEL=$level
-      fi
+      # The best level of the CPU must have run, or the tests fail.
+      level=neon
+      [ $cpu = max ] && level=i8mm
+      export FLASHMAT_REQUIRE_LEVEL=$level
       export CARGO_TARGET_AARCH64_UNKNOWN_LINUX_GNU_RUNNER="qemu-aarch64-static -cpu $cpu -L /usr/aarch64-linux-gnu"
+      "$cargo" test --target aarch64-unknown-linux-gnu --target-dir "$built" --locked -p flashmat-core --lib \
+        -- --nocapture kernels:: net::tests
       "$cargo" test --target aarch64-unknown-linux-gnu --target-dir "$built" --locked -p flashmat-tests \
         --test net_golden -- --nocapture
-      ok "golden network results on aarch64, emulated CPU $cpu"
+      ok "kernels and golden network results on aarch64 up to level $level, emulated CPU $cpu"
     done
   else
     not_run "golden: qemu and the aarch64 linker cannot be installed"
