@@ -62,10 +62,14 @@ fn each_bad_model_is_told_apart() {
 fn a_level_of_another_cpu_is_refused() {
     let folder = Folder::new();
     let photo = folder.photo("a.png");
-    let level = if cfg!(target_arch = "x86_64") { "neon" } else { "avx2" };
-    let run = capture(&[&photo], &folder.path("out"), &["--level", level]);
-    assert_eq!(run.status.code(), Some(1));
-    assert!(stderr(&run).contains("use --level auto"), "{}", stderr(&run));
+    let foreign: &[&str] =
+        if cfg!(target_arch = "x86_64") { &["neon", "dotprod", "i8mm"] } else { &["avx2", "avx512vnni"] };
+    for level in foreign {
+        let run = capture(&[&photo], &folder.path("out"), &["--level", level]);
+        assert_eq!(run.status.code(), Some(1));
+        let message = stderr(&run);
+        assert!(message.contains(level) && message.contains("use --level auto"), "{message}");
+    }
 }
 
 #[test]
