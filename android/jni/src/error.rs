@@ -48,7 +48,7 @@ fn class_of(error: &Error) -> &'static JNIStr {
         Error::FrameBuffer { .. } => jni_str!("com/flashmat/FlashmatException$FrameBuffer"),
         Error::FramePixel { .. } => jni_str!("com/flashmat/FlashmatException$FramePixel"),
         Error::FieldOfView => jni_str!("com/flashmat/FlashmatException$FieldOfView"),
-        Error::LightScale => jni_str!("java/lang/IllegalArgumentException"),
+        Error::LightScale => jni_str!("com/flashmat/FlashmatException$LightScale"),
         Error::Size { .. } => jni_str!("com/flashmat/FlashmatException$Size"),
         Error::PlaneLength { .. } => jni_str!("com/flashmat/FlashmatException$PlaneLength"),
         Error::LightBelowPlane => jni_str!("com/flashmat/FlashmatException$LightBelowPlane"),

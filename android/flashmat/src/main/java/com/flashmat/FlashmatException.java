@@ -98,6 +98,15 @@ public abstract class FlashmatException extends RuntimeException {
         }
     }
 
+    /** A known scale of the light outside 0.001 to 1000. No option of this API sets one yet. */
+    public static final class LightScale extends FlashmatException {
+        private static final long serialVersionUID = 1L;
+
+        LightScale(String message) {
+            super(message);
+        }
+    }
+
     /** A field of view outside 1 to 170 degrees, or a focal length outside 1 to 5000 mm. */
     public static final class FieldOfView extends FlashmatException {
         private static final long serialVersionUID = 1L;
