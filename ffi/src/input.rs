@@ -277,6 +277,7 @@ pub(crate) fn capture_options(options: Option<&flashmat_capture_options>) -> Res
     Ok(CaptureOptions {
         fov: FieldOfView { photo, target_deg },
         class: class(options.class_override)?,
+        light_scale: given(options.light_scale).then_some(options.light_scale),
         refine,
         ..CaptureOptions::default()
     })

@@ -253,6 +253,9 @@ pub struct flashmat_capture_options {
     pub progress: flashmat_progress,
     /// First argument of progress.
     pub user: *mut c_void,
+    /// Linear value that a flat white surface at the centre has at this exposure under the flash alone, 0.001 to 1000,
+    /// measured once with white paper; 0: not known, then the albedo's brightness is a guess.
+    pub light_scale: f32,
 }
 
 /// A caller's memory for one result.
@@ -339,8 +342,9 @@ layout!(flashmat_engine_options: 24, 32, struct_size at 0, 0; size at 4, 4; leve
     model at 16, 16; model_bytes at 20, 24);
 layout!(flashmat_engine_info: 24, 24, struct_size at 0, 0; size at 4, 4; level at 8, 8; model_checksum at 12, 12;
     workspace_bytes at 16, 16);
-layout!(flashmat_capture_options: 32, 40, struct_size at 0, 0; class_override at 4, 4; skip_refinement at 8, 8;
-    photo_fov_deg at 12, 12; focal_35mm at 16, 16; target_fov_deg at 20, 20; progress at 24, 24; user at 28, 32);
+layout!(flashmat_capture_options: 36, 48, struct_size at 0, 0; class_override at 4, 4; skip_refinement at 8, 8;
+    photo_fov_deg at 12, 12; focal_35mm at 16, 16; target_fov_deg at 20, 20; progress at 24, 24; user at 28, 32;
+    light_scale at 32, 40);
 layout!(flashmat_buffer: 8, 16, data at 0, 0; bytes at 4, 8);
 layout!(flashmat_maps: 56, 104, struct_size at 0, 0; format at 4, 4; albedo at 8, 8; normal at 16, 24;
     roughness at 24, 40; render at 32, 56; photo at 40, 72; observability at 48, 88);

@@ -25,13 +25,14 @@ struct Case {
     numbers: [u32; 9],
     /// Field of view of the photo, focal length, target.
     fov: [f32; 3],
+    light_scale: f32,
     planes: Vec<Plane>,
 }
 
 impl Case {
     fn write(&self, path: &Path) {
         let mut bytes: Vec<u8> = self.numbers.iter().flat_map(|n| n.to_ne_bytes()).collect();
-        bytes.extend(self.fov.iter().flat_map(|n| n.to_ne_bytes()));
+        bytes.extend(self.fov.iter().chain([&self.light_scale]).flat_map(|n| n.to_ne_bytes()));
         bytes.extend((self.planes.len() as u32).to_ne_bytes());
         for (data, row, pixel) in &self.planes {
             bytes.extend([data.len() as u32, *row, *pixel].iter().flat_map(|n| n.to_ne_bytes()));
@@ -94,20 +95,26 @@ fn checks() -> Vec<Check> {
     let case = Case {
         numbers: [1, 130, 161, 90, 1, 0, 0, 4, 0],
         fov: [60.0, 0.0, 0.0],
+        light_scale: 0.5,
         planes: vec![(bytes(400 * 160 + 390, 133), 400, 3)],
     };
     add(
         case,
         Box::new(move |case| {
             let frame = Frame::rgb8(&case.planes[0].0, 130, 161, 400).expect("frame").rotated(Rotation::Cw90);
-            let options =
-                CaptureOptions { class: Some(Class::Metal), fov: FieldOfView::shorter_side(60.0), ..plain() };
+            let options = CaptureOptions {
+                class: Some(Class::Metal),
+                light_scale: Some(0.5),
+                fov: FieldOfView::shorter_side(60.0),
+                ..plain()
+            };
             expected(&frame.encoded(Encoding::Srgb), &options)
         }),
     );
     let case = Case {
         numbers: [2, 140, 140, 180, 3, 0, 0, 0, 1],
         fov: [0.0, 26.0, 0.0],
+        light_scale: 0.0,
         planes: vec![(bytes(4 * 141 * 140, 188), 4 * 141, 4)],
     };
     add(
@@ -122,6 +129,7 @@ fn checks() -> Vec<Check> {
     let case = Case {
         numbers: [3, 128, 129, 270, 2, 0, 0, 8, 1],
         fov: [70.0, 0.0, 30.0],
+        light_scale: 0.0,
         planes: vec![(bytes(4 * 128 * 129, 171), 512, 0)],
     };
     add(

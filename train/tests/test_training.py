@@ -60,6 +60,14 @@ def test_resume_is_bit_for_bit(data_folder: Path, tmp_path: Path) -> None:
     assert curves.draw(tmp_path / "whole").stat().st_size > 1000
 
 
+def test_samples_of_earlier_runs_count(data_folder: Path, tmp_path: Path) -> None:
+    run(arguments(data_folder, tmp_path / "first", "--samples", "4"))
+    run(arguments(data_folder, tmp_path / "next", "--samples", "2", "--init", str(tmp_path / "first" / "last.pt")))
+    run(arguments(data_folder, tmp_path / "next", "--samples", "4"))
+    state = checkpoint.load(tmp_path / "next" / "last.pt")
+    assert (state["step"], state["samples"]) == (2, 8)
+
+
 def test_another_preset_does_not_resume(data_folder: Path, tmp_path: Path) -> None:
     run(arguments(data_folder, tmp_path, "--samples", "2"))
     with pytest.raises(SystemExit, match="preset tiny"):

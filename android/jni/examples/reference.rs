@@ -28,6 +28,7 @@ struct Case {
     matrix: YuvMatrix,
     range: Range,
     photo_fov: PhotoFov,
+    light_scale: Option<f32>,
     class: Option<Class>,
     refine: bool,
 }
@@ -46,6 +47,7 @@ const PLAIN: Case = Case {
     matrix: YuvMatrix::Bt601,
     range: Range::Full,
     photo_fov: PhotoFov::Unknown,
+    light_scale: None,
     class: None,
     refine: true,
 };
@@ -78,6 +80,7 @@ fn cases() -> Vec<Case> {
             name: "rgb_f32",
             format: 4,
             photo_fov: PhotoFov::Focal35mm(26.0),
+            light_scale: Some(0.75),
             encoding: Encoding::Linear,
             ..PLAIN
         },
@@ -156,7 +159,13 @@ fn capture(case: &Case, planes: &[Vec<u8>]) -> Result<(Vec<f32>, Vec<f32>), Erro
     };
     let frame = frame.rotated(case.rotation).encoded(case.encoding).yuv_colour(case.matrix, case.range);
     let fov = FieldOfView { photo: case.photo_fov, ..FieldOfView::default() };
-    let options = CaptureOptions { fov, class: case.class, refine: case.refine, ..CaptureOptions::default() };
+    let options = CaptureOptions {
+        fov,
+        class: case.class,
+        light_scale: case.light_scale,
+        refine: case.refine,
+        ..CaptureOptions::default()
+    };
     let mut session =
         Session::new(Model::from_bytes(TOY)?, &SessionOptions { size: SIZE, level: None, threads: 1 })?;
     let capture = session.capture(&frame, &options, &mut Silent)?;
@@ -206,6 +215,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         ints(&mut out, &[kind])?;
         out.write_all(&fov.to_be_bytes())?;
         out.write_all(&FieldOfView::TARGET_DEG.to_be_bytes())?;
+        out.write_all(&case.light_scale.unwrap_or(0.0).to_be_bytes())?;
         out.write_all(&case.class.map_or(-1, |class| class as i32).to_be_bytes())?;
         ints(&mut out, &[usize::from(case.refine), count])?;
         for plane in &planes {

@@ -142,8 +142,8 @@ pub(crate) extern "system" fn Java_com_flashmat_NativeBridge_modelChecksum<'loca
 }
 
 /// `void capture(long engine, int[] layout, ByteBuffer plane0, ByteBuffer plane1, ByteBuffer plane2, int fovKind,
-/// float fov, float targetFov, int materialClass, boolean refine, ProgressListener listener, ByteBuffer maps,
-/// float[] numbers)`
+/// float fov, float targetFov, float lightScale, int materialClass, boolean refine, ProgressListener listener,
+/// ByteBuffer maps, float[] numbers)`
 #[unsafe(no_mangle)]
 pub(crate) extern "system" fn Java_com_flashmat_NativeBridge_capture<'local>(
     mut env: EnvUnowned<'local>,
@@ -156,6 +156,7 @@ pub(crate) extern "system" fn Java_com_flashmat_NativeBridge_capture<'local>(
     fov_kind: jint,
     fov: jfloat,
     target_fov: jfloat,
+    light_scale: jfloat,
     material_class: jint,
     refine: jboolean,
     listener: JObject<'local>,
@@ -164,7 +165,7 @@ pub(crate) extern "system" fn Java_com_flashmat_NativeBridge_capture<'local>(
 ) {
     env.with_env(|env| {
         let engine = find(handle)?;
-        let options = capture_options((fov_kind, fov, target_fov), material_class, refine)?;
+        let options = capture_options((fov_kind, fov, target_fov), light_scale, material_class, refine)?;
         let planes = Planes { first: &plane0, second: &plane1, third: &plane2 };
         let outputs = Outputs { maps, numbers };
         capture(env, &class, &engine, &layout, &planes, &options, &listener, outputs)
@@ -173,9 +174,10 @@ pub(crate) extern "system" fn Java_com_flashmat_NativeBridge_capture<'local>(
 }
 
 /// Photo's field of view by kind (0 unknown, 1 degrees over the shorter side, 2 mm of 35 mm equivalent) and the
-/// target's; class -1: the classifier decides.
+/// target's; light scale 0: not known; class -1: the classifier decides.
 fn capture_options(
     (kind, fov, target_deg): (jint, jfloat, jfloat),
+    light_scale: jfloat,
     class: jint,
     refine: bool,
 ) -> Result<CaptureOptions, Failure> {
@@ -192,7 +194,10 @@ fn capture_options(
             Some(*class.ok_or_else(|| Failure::Argument(format!("no class has the number {number}")))?)
         }
     };
-    Ok(CaptureOptions { fov: FieldOfView { photo, target_deg }, class, refine, ..CaptureOptions::default() })
+    // NaN is not 0: the core refuses it.
+    let light_scale = (light_scale != 0.0).then_some(light_scale);
+    let fov = FieldOfView { photo, target_deg };
+    Ok(CaptureOptions { fov, class, light_scale, refine, ..CaptureOptions::default() })
 }
 
 /// Where a capture goes.

@@ -306,6 +306,9 @@ static void options_and_maps(void) {
     options = good_options();
     options.target_fov_deg = -1.0f;
     FAILS(capture(&frame, &options), FLASHMAT_STATUS_FIELD_OF_VIEW, "1 to 170");
+    options = good_options();
+    options.light_scale = -1.0f;
+    FAILS(capture(&frame, &options), FLASHMAT_STATUS_INVALID_ARGUMENT, "0.001 to 1000");
 
     memset(albedo, 0x5A, maps.albedo.bytes);
     memcpy(before, albedo, maps.albedo.bytes);

@@ -94,6 +94,7 @@ static void run_case(flashmat_engine *engine, const flashmat_engine_options *eng
     options.photo_fov_deg = real(&at);
     options.focal_35mm = real(&at);
     options.target_fov_deg = real(&at);
+    options.light_scale = real(&at);
     count = number(&at);
     for (i = 0; i < count; i++) {
         frame.planes[i].bytes = number(&at);

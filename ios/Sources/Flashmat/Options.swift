@@ -30,6 +30,9 @@ public struct CaptureOptions: Sendable {
     public var fieldOfView: PhotoFieldOfView = .unknown
     /// The material's class, if you know better than the network.
     public var materialClass: MaterialClass?
+    /// Linear value that a flat white surface at the centre has at this exposure under the flash alone, 0.001 to 1000,
+    /// measured once with white paper; nil: the albedo's brightness is a guess.
+    public var lightScale: Float?
     /// Whether the network's maps are refined.
     public var refine = true
 
@@ -41,6 +44,8 @@ public struct CaptureOptions: Sendable {
         options.struct_size = UInt32(MemoryLayout<flashmat_capture_options>.size)
         options.class_override = materialClass?.rawValue ?? 0
         options.skip_refinement = refine ? 0 : 1
+        // 0 is "not known" to C; here it is refused as any other value out of range is.
+        options.light_scale = lightScale.map { $0 == 0 ? -1 : $0 } ?? 0
         switch fieldOfView {
         case .unknown: break
         case .shorterSide(let degrees): options.photo_fov_deg = degrees

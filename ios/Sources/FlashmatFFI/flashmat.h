@@ -667,6 +667,11 @@ typedef struct flashmat_capture_options {
      * First argument of progress.
      */
     void *user;
+    /**
+     * Linear value that a flat white surface at the centre has at this exposure under the flash alone, 0.001 to 1000,
+     * measured once with white paper; 0: not known, then the albedo's brightness is a guess.
+     */
+    float light_scale;
 } flashmat_capture_options;
 
 /**

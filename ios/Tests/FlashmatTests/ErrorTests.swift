@@ -45,6 +45,11 @@ final class ErrorTests: XCTestCase {
         var options = CaptureOptions()
         options.fieldOfView = .shorterSide(200)
         await assertFails(.fieldOfView) { try await engine.capture(Support.photo(), options: options) }
+        for scale in [0, -1, 2000, Float.nan] {
+            options = CaptureOptions()
+            options.lightScale = scale
+            await assertFails(.invalidArgument) { try await engine.capture(Support.photo(), options: options) }
+        }
     }
 
     func testCodesAreThoseOfTheLibrary() {

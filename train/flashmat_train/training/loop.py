@@ -64,6 +64,7 @@ class Trainer:
     def __init__(self, args: argparse.Namespace, place: Place, pools: list[tuple[AnyPool, float]]):
         self.args, self.place, self.path = args, place, args.out / "last.pt"
         self.start, self.seconds = 0, 0.0
+        self.before = 0  # samples that the weights of --init had seen
         self.network: Network
         self.learner: Learner
         self.weights = class_weights(pools).to(place.device)
@@ -82,9 +83,12 @@ class Trainer:
                 )
             self.learner.load(state)
             self.start, self.seconds = state["step"], state["seconds"]
+            self.before = state.get("before", 0)
         elif args.init:
+            state = checkpoint.load(args.init)
+            self.before = state.get("samples", 0)
             try:
-                self.network.load_state_dict(checkpoint.load(args.init)["ema"])
+                self.network.load_state_dict(state["ema"])
             except RuntimeError as e:
                 raise SystemExit(f"--init {args.init}: not weights of this preset and variant: {e}") from e
             self.learner.ema = type(self.learner.ema)(self.network, args.ema)
@@ -169,7 +173,8 @@ class Trainer:
         args = self.args
         state = self.learner.state() | {
             "step": step,
-            "samples": step * args.batch * self.place.world,
+            "samples": self.before + step * args.batch * self.place.world,
+            "before": self.before,
             "config": self.network.config.asdict(),
             "seconds": seconds,
         }

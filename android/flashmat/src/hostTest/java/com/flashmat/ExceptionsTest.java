@@ -126,6 +126,14 @@ final class ExceptionsTest {
     }
 
     @Test
+    void lightScalesThatMakeNoSense() {
+        for (float bad : new float[] {-1, 1e-4f, 2000, Float.NaN, Float.POSITIVE_INFINITY}) {
+            CaptureOptions options = new CaptureOptions.Builder().lightScale(bad).build();
+            assertThrows(IllegalArgumentException.class, () -> engine.capture(Toy.frame(), options));
+        }
+    }
+
+    @Test
     void modelsThatAreNone() {
         EngineOptions options = Toy.options().build();
         ByteBuffer junk = ByteBuffer.allocateDirect(5000);

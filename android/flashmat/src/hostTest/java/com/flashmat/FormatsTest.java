@@ -44,6 +44,7 @@ final class FormatsTest {
             options.focalLength35mm(fov);
         }
         options.targetFov(in.readFloat());
+        options.lightScale(in.readFloat());
         int materialClass = in.readInt();
         options.materialClass(materialClass < 0 ? null : MaterialClass.of(materialClass));
         c.options = options.refine(in.readInt() == 1).build();

@@ -15,6 +15,7 @@ public final class CaptureOptions {
     final int fovKind;
     final float fov;
     final float targetFov;
+    final float lightScale;
     final int classNumber;
     final boolean refine;
 
@@ -22,6 +23,7 @@ public final class CaptureOptions {
         fovKind = builder.fovKind;
         fov = builder.fov;
         targetFov = builder.targetFov;
+        lightScale = builder.lightScale;
         classNumber = builder.materialClass == null ? -1 : builder.materialClass.ordinal();
         refine = builder.refine;
     }
@@ -31,6 +33,7 @@ public final class CaptureOptions {
         private int fovKind = FOV_UNKNOWN;
         private float fov;
         private float targetFov = 43.35f;
+        private float lightScale;
         private MaterialClass materialClass;
         private boolean refine = true;
 
@@ -54,6 +57,16 @@ public final class CaptureOptions {
         @NonNull
         public Builder targetFov(float degrees) {
             targetFov = degrees;
+            return this;
+        }
+
+        /**
+         * Linear value that a flat white surface at the centre has at this exposure under the flash alone (0.001 to
+         * 1000), measured once with white paper; 0, unless set: not known, the albedo's brightness is a guess.
+         */
+        @NonNull
+        public Builder lightScale(float scale) {
+            lightScale = scale;
             return this;
         }
 

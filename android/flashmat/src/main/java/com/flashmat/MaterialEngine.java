@@ -109,6 +109,7 @@ public final class MaterialEngine implements AutoCloseable {
                     options.fovKind,
                     options.fov,
                     options.targetFov,
+                    options.lightScale,
                     options.classNumber,
                     options.refine,
                     listener,

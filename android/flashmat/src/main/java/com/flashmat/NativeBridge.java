@@ -59,6 +59,7 @@ final class NativeBridge {
             int fovKind,
             float fov,
             float targetFov,
+            float lightScale,
             int materialClass,
             boolean refine,
             ProgressListener listener,
