@@ -3,16 +3,48 @@
 //! An [`Executor`] only knows how to run two closures, maybe at once; [`for_each_row_block`] cuts everything else
 //! recursively with `split_at_mut`, so no `unsafe` is needed and nothing is allocated. Block borders depend on the
 //! sizes alone, never on the number of threads, and every row is written by one closure call: the result has the same
-//! bits on every executor. Reductions write one partial value per row and add them up in order afterwards.
+//! bits on every executor. Reductions ([`sum_row_blocks`]) add up the blocks' values as a tree that depends on the
+//! sizes alone.
+use crate::kernels::Simd;
 use core::ops::Range;
 
 /// Rows per block that suit most stages: small enough to share out, large enough to hide the call.
 pub const ROWS_PER_BLOCK: usize = 8;
 
-/// Runs two closures, one after the other or at once.
+/// Runs two closures, one after the other or at once; says which vector registers float loops may use.
 pub trait Executor: Sync {
     /// Calls each of `a` and `b` once and returns when both are done.
     fn join(&self, a: &mut (dyn FnMut() + Send), b: &mut (dyn FnMut() + Send));
+
+    /// The vector registers of float loops: what every CPU of the target has, unless an [`At`] says otherwise.
+    fn simd(&self) -> Simd {
+        Simd::BASELINE
+    }
+}
+
+/// An executor whose float loops use the vector registers of a CPU level.
+#[derive(Clone, Copy)]
+pub struct At<'e> {
+    exec: &'e dyn Executor,
+    simd: Simd,
+}
+
+impl<'e> At<'e> {
+    /// `exec` with `simd`.
+    #[must_use]
+    pub fn new(exec: &'e dyn Executor, simd: Simd) -> Self {
+        Self { exec, simd }
+    }
+}
+
+impl Executor for At<'_> {
+    fn join(&self, a: &mut (dyn FnMut() + Send), b: &mut (dyn FnMut() + Send)) {
+        self.exec.join(a, b);
+    }
+
+    fn simd(&self) -> Simd {
+        self.simd
+    }
 }
 
 /// The default executor: everything on the calling thread.
@@ -134,6 +166,28 @@ impl<A: Rows, B: Rows, C: Rows> Rows for (A, B, C) {
     }
 }
 
+/// The sum of `body(rows)` over blocks of at most `block` of the `rows` rows, added up as a binary tree whose shape
+/// depends on the sizes alone.
+pub fn sum_row_blocks<const N: usize>(
+    exec: &dyn Executor,
+    rows: Range<usize>,
+    block: usize,
+    body: &(dyn Fn(Range<usize>) -> [f64; N] + Sync),
+) -> [f64; N] {
+    let block = block.max(1);
+    let blocks = rows.len().div_ceil(block);
+    if blocks <= 1 {
+        return body(rows);
+    }
+    let middle = rows.start + blocks / 2 * block;
+    let (mut top, mut bottom) = ([0.0; N], [0.0; N]);
+    exec.join(&mut || top = sum_row_blocks(exec, rows.start..middle, block, body), &mut || {
+        bottom = sum_row_blocks(exec, middle..rows.end, block, body)
+    });
+    top.iter_mut().zip(bottom).for_each(|(sum, value)| *sum += value);
+    top
+}
+
 /// Calls `body(rows, block)` for every block of at most `block` of the `rows` rows; `block` holds the same rows of
 /// every output plane.
 pub fn for_each_row_block<R: Rows>(
@@ -211,6 +265,16 @@ mod tests {
         fill(&Inline, 0, 3, 2);
     }
 
+    #[test]
+    fn sums_take_every_row_once() {
+        for (rows, block) in [(0, 3), (1, 1), (7, 2), (8, 8), (33, 4), (5, 0)] {
+            let sum = sum_row_blocks(&Inline, 0..rows, block, &|range| {
+                [range.len() as f64, range.map(|row| row as f64).sum()]
+            });
+            assert_eq!(sum, [rows as f64, (rows * rows.saturating_sub(1) / 2) as f64]);
+        }
+    }
+
     #[cfg(feature = "parallel")]
     #[test]
     fn a_pool_gives_what_inline_gives() {
@@ -218,6 +282,10 @@ mod tests {
             let pool = Pool::new(threads).expect("threads");
             assert_eq!(pool.threads(), threads);
             assert_eq!(fill(&pool, 33, 7, 4), fill(&Inline, 33, 7, 4));
+            let sum = |exec: &dyn Executor| {
+                sum_row_blocks(exec, 0..101, 3, &|range| [range.map(|row| 1.0 / (1.0 + row as f64)).sum()])
+            };
+            assert_eq!(sum(&pool).map(f64::to_bits), sum(&Inline).map(f64::to_bits));
         }
     }
 }

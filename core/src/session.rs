@@ -1,7 +1,7 @@
 //! A session owns what a run needs: the façade that the command line, the C library and the Android library share.
-use crate::exec::{Executor, Inline};
+use crate::exec::{At, Executor, Inline};
 use crate::frame::Frame;
-use crate::kernels::{Kernels, Level};
+use crate::kernels::{Kernels, Level, Simd};
 use crate::net::scales::Scales;
 use crate::net::{Model, Network};
 use crate::pipeline::{self, Capture, CaptureOptions, Engine};
@@ -32,6 +32,7 @@ pub struct Session<'m> {
     exec: Box<dyn Executor + Send>,
     workspace: Vec<u8>,
     level: Level,
+    simd: Simd,
 }
 
 impl<'m> Session<'m> {
@@ -63,7 +64,7 @@ impl<'m> Session<'m> {
         let mut workspace = Vec::new();
         workspace.try_reserve_exact(needed).map_err(|_| Error::WorkspaceTooSmall { needed, available: 0 })?;
         workspace.resize(needed, 0);
-        Ok(Self { engine, exec: executor(threads)?, workspace, level })
+        Ok(Self { engine, exec: executor(threads)?, workspace, level, simd: Simd::for_level(level)? })
     }
 
     /// One photo through the pipeline; the result lies in the session until the next call.
@@ -76,7 +77,8 @@ impl<'m> Session<'m> {
         options: &CaptureOptions,
         observer: &mut dyn Observer,
     ) -> Result<Capture<'_>, Error> {
-        pipeline::run(&*self.engine, frame, options, &*self.exec, &mut self.workspace, observer)
+        let exec = At::new(&*self.exec, self.simd);
+        pipeline::run(&*self.engine, frame, options, &exec, &mut self.workspace, observer)
     }
 
     /// The model.

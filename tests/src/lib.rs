@@ -3,5 +3,6 @@ pub mod counting;
 pub mod golden;
 pub mod models;
 pub mod runs;
+pub mod scenes;
 #[cfg(feature = "tract")]
 pub mod snr;

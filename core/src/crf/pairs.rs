@@ -6,16 +6,25 @@
 //! spatial sigma, so a solver step costs the same for one kernel as for two. The graph's Laplacian
 //! (L x)_i = sum_j W_ij (x_i - x_j) is symmetric, positive semi-definite and exactly 0 for constants by construction.
 //!
-//! Storage: `weights[(row * offsets + k) * size + x]` is the edge from pixel (x, row) along offset k, as the upper
-//! half of an f32 (8 bits of precision); 0 where it leaves the image. Each edge is stored once.
+//! Storage: `weights[pad + row * row_len + k * size + x]` is the edge from pixel (x, row) along offset k, as the upper
+//! half of an f32 (8 bits of precision); 0 where it leaves the image. Each edge is stored once. Offsets are sorted by
+//! falling dx and every row ends with `pad` zeros, so that an edge that would leave the image sideways reads a 0 also
+//! when it is looked up from its far end: loops run over whole rows, whose length is a multiple of any vector's.
+//! Where the weight is 0 the partner's value is another pixel's, and must be finite.
 use super::pattern::{Offset, Pattern};
 use crate::Error;
 use crate::arena::{Arena, bytes_for};
 use crate::exec::{Executor, Plane, ROWS_PER_BLOCK, for_each_row_block};
 use crate::math::sqrtf;
+use core::ops::Range;
 
-/// Pixels of a row that are worked on together.
-const TILE: usize = 32;
+/// Pixels of a row that are worked on together; [`WIDE`] where the size is a multiple of that.
+const TILE: usize = 128;
+const WIDE: usize = 256;
+
+/// On the boundary of a vector register and a cache line.
+#[repr(align(64))]
+struct Aligned<T>(T);
 
 /// Most kernels in one graph: their values share 16 bits while the graph is built.
 pub const MAX_KERNELS: usize = 2;
@@ -32,16 +41,15 @@ pub struct Kernel<'f> {
 /// A graph of weighted pixel pairs.
 #[derive(Debug)]
 pub struct Pairs<'a> {
-    size: usize,
-    pattern: Pattern,
+    shape: Shape,
     weights: &'a mut [u16],
 }
 
 impl<'a> Pairs<'a> {
     /// Bytes that stay taken after [`Pairs::build`].
     #[must_use]
-    pub fn bytes(size: usize, offsets: usize) -> usize {
-        bytes_for::<u16>(size.saturating_mul(size).saturating_mul(offsets))
+    pub fn bytes(size: usize, pattern: &Pattern) -> usize {
+        bytes_for::<u16>(Shape::new(size, pattern).len())
     }
 
     /// Bytes that [`Pairs::build`] needs beyond [`Pairs::bytes`] while it runs.
@@ -56,7 +64,7 @@ impl<'a> Pairs<'a> {
     /// [`Error::WorkspaceTooSmall`]; [`Error::PlaneLength`] when features are not whole planes.
     pub fn build(
         size: usize,
-        pattern: Pattern,
+        pattern: &Pattern,
         kernels: &[Kernel<'_>],
         exec: &dyn Executor,
         arena: &mut Arena<'a>,
@@ -67,66 +75,85 @@ impl<'a> Pairs<'a> {
                 return Err(Error::PlaneLength { needed: n2, given: kernel.features.len() });
             }
         }
-        let weights = arena.take(n2.saturating_mul(pattern.len()))?;
-        let mut graph = Pairs { size, pattern, weights };
-        if graph.pattern.is_empty() {
+        let shape = Shape::new(size, pattern);
+        let weights = arena.take(shape.len())?;
+        let mut graph = Pairs { shape, weights };
+        if graph.shape.pattern.is_empty() {
             return Ok(graph);
         }
         let mut scratch = arena.scope();
         let (first, second) = (scratch.take::<f32>(n2)?, scratch.take::<f32>(n2)?);
         graph.affinities(kernels, exec);
-        graph.scales([&mut *first, &mut *second], exec);
+        graph.scales(kernels, [&mut *first, &mut *second], exec);
         graph.merge(kernels, [first, second], exec);
         Ok(graph)
     }
 
-    fn shape(&self) -> Shape<'_> {
-        Shape { size: self.size, pattern: &self.pattern }
-    }
-
     /// First pass: the square root of every kernel's feature part, in 8 bits, one kernel per byte.
     fn affinities(&mut self, kernels: &[Kernel<'_>], exec: &dyn Executor) {
-        let shape = Shape { size: self.size, pattern: &self.pattern };
-        let planes = Plane::new(&mut *self.weights, shape.row_len());
-        for_each_row_block(exec, shape.size, ROWS_PER_BLOCK, planes, &|rows, mut block| {
-            for (y, row) in rows.zip(block.rows()) {
-                for (offset, codes) in shape.pattern.iter().zip(row.chunks_exact_mut(shape.size)) {
-                    codes.fill(0);
-                    let Some(span) = shape.forward(offset, y) else { continue };
-                    let Some(codes) = codes.get_mut(span.start..span.start + span.len) else { continue };
-                    for (k, kernel) in kernels.iter().take(MAX_KERNELS).enumerate() {
-                        affinity_row(kernel.features, shape.size, &span, 8 * k as u32, codes);
+        let shape = &self.shape;
+        let (pad, weights) = self.weights.split_at_mut(shape.pad);
+        pad.fill(0);
+        let rows = Plane::new(weights, shape.row_len());
+        for_each_row_block(exec, shape.size, ROWS_PER_BLOCK, rows, &|rows, mut block| {
+            exec.simd().run(
+                #[inline(always)]
+                || {
+                    for (y, row) in rows.zip(block.rows()) {
+                        let (lines, pad) = row.split_at_mut(shape.row_len() - shape.pad);
+                        pad.fill(0);
+                        let lines = lines.chunks_exact_mut(shape.size);
+                        for ((k, offset), codes) in shape.pattern.iter().enumerate().zip(lines) {
+                            codes.fill(0);
+                            let Some(line) = shape.forward(k, offset, y) else { continue };
+                            let Some(inside) = codes.get_mut(line.columns.clone()) else { continue };
+                            for (shift, kernel) in [0, 8].into_iter().zip(kernels) {
+                                affinity_row(kernel.features, shape.size, &line, y, shift, inside);
+                            }
+                            let shift = offset.dx.unsigned_abs() as usize;
+                            let outside =
+                                if offset.dx > 0 { shape.size - shift..shape.size } else { 0..shift };
+                            codes.get_mut(outside).unwrap_or(&mut []).fill(0);
+                        }
                     }
-                }
-            }
+                },
+            );
         });
     }
 
-    /// Second pass: 1 / sqrt(D) of both kernels.
-    fn scales(&self, scales: [&mut [f32]; 2], exec: &dyn Executor) {
-        let size = self.size;
+    /// Second pass: 1 / sqrt(D) of both kernels; 1 for a kernel that there is not.
+    fn scales(&self, kernels: &[Kernel<'_>], scales: [&mut [f32]; 2], exec: &dyn Executor) {
+        let size = self.shape.size;
+        let two = kernels.len() > 1;
         let [first, second] = scales;
         let out = (Plane::new(first, size), Plane::new(second, size));
         for_each_row_block(exec, size, ROWS_PER_BLOCK, out, &|rows, (mut first, mut second)| {
-            for (y, (first, second)) in rows.zip(first.rows().zip(second.rows())) {
-                // In units of the code's square, a pixel's own affinity is 255².
-                first.fill(65025.0);
-                second.fill(65025.0);
-                self.for_each_span(y, |offset, at, codes, _| {
-                    let own = |row: &mut [f32], shift: u32| {
-                        if let Some(row) = row.get_mut(at..at + codes.len()) {
-                            for (sum, &code) in row.iter_mut().zip(codes) {
-                                *sum += offset.weight * squared_code(code, shift);
-                            }
+            exec.simd().run(
+                #[inline(always)]
+                || {
+                    for (y, (first, second)) in rows.zip(first.rows().zip(second.rows())) {
+                        // In units of the code's square, a pixel's own affinity is 255².
+                        first.fill(65025.0);
+                        second.fill(if two { 65025.0 } else { 1.0 });
+                        self.shape.for_each_line(
+                            y,
+                            #[inline(always)]
+                            |line, offset| {
+                                let Some(codes) = line.weights(self.weights, line.columns.clone()) else {
+                                    return;
+                                };
+                                add_squares(first, line.columns.clone(), codes, 0, offset.weight);
+                                if two {
+                                    add_squares(second, line.columns.clone(), codes, 8, offset.weight);
+                                }
+                            },
+                        );
+                        for sum in first.iter_mut().chain(second.iter_mut()) {
+                            *sum = 1.0 / sqrtf(*sum);
                         }
-                    };
-                    own(first, 0);
-                    own(second, 8);
-                });
-                for sum in first.iter_mut().chain(second.iter_mut()) {
-                    *sum = 1.0 / sqrtf(*sum);
-                }
-            }
+                    }
+                },
+            );
         });
     }
 
@@ -134,69 +161,99 @@ impl<'a> Pairs<'a> {
     fn merge(&mut self, kernels: &[Kernel<'_>], scales: [&[f32]; 2], exec: &dyn Executor) {
         let weight = |k: usize| kernels.get(k).map_or(0.0, |kernel| kernel.weight);
         let b = [weight(0), weight(1)];
-        let shape = Shape { size: self.size, pattern: &self.pattern };
-        let planes = Plane::new(&mut *self.weights, shape.row_len());
-        for_each_row_block(exec, shape.size, ROWS_PER_BLOCK, planes, &|rows, mut block| {
-            for (y, row) in rows.zip(block.rows()) {
-                for (offset, codes) in shape.pattern.iter().zip(row.chunks_exact_mut(shape.size)) {
-                    let Some(span) = shape.forward(offset, y) else { continue };
-                    let Some(codes) = codes.get_mut(span.start..span.start + span.len) else { continue };
-                    let [Some((i0, j0)), Some((i1, j1))] = scales.map(|s| span.pair(s)) else { continue };
-                    let b = b.map(|b| b * offset.weight);
-                    for ((((code, &i0), &j0), &i1), &j1) in codes.iter_mut().zip(i0).zip(j0).zip(i1).zip(j1) {
-                        let first = b[0] * (i0 * j0) * squared_code(*code, 0);
-                        let second = b[1] * (i1 * j1) * squared_code(*code, 8);
-                        *code = encode(first + second);
+        let shape = &self.shape;
+        let rows = Plane::new(self.weights.get_mut(shape.pad..).unwrap_or(&mut []), shape.row_len());
+        for_each_row_block(exec, shape.size, ROWS_PER_BLOCK, rows, &|rows, mut block| {
+            exec.simd().run(
+                #[inline(always)]
+                || {
+                    for (y, row) in rows.zip(block.rows()) {
+                        let lines = row.chunks_exact_mut(shape.size);
+                        for ((k, offset), codes) in shape.pattern.iter().enumerate().zip(lines) {
+                            let Some(line) = shape.forward(k, offset, y) else { continue };
+                            let Some(codes) = codes.get_mut(line.columns.clone()) else { continue };
+                            let [Some((i0, j0)), Some((i1, j1))] =
+                                scales.map(|s| line.pair(s, shape.size, y))
+                            else {
+                                continue;
+                            };
+                            if kernels.len() > 1 {
+                                merge_two(b.map(|b| b * offset.weight), [i0, j0], [i1, j1], codes);
+                            } else {
+                                merge_one(b[0] * offset.weight, i0, j0, codes);
+                            }
+                        }
                     }
-                }
-            }
+                },
+            );
         });
     }
 
     /// Adds every pixel's sum of weights, the graph's part of the diagonal, to `out` (one plane).
     pub fn add_row_sums(&self, out: &mut [f32], exec: &dyn Executor) {
-        let size = self.size;
+        let size = self.shape.size;
         for_each_row_block(exec, size, ROWS_PER_BLOCK, Plane::new(out, size), &|rows, mut block| {
-            for (y, row) in rows.zip(block.rows()) {
-                self.for_each_span(y, |_, at, weights, _| {
-                    if let Some(row) = row.get_mut(at..at + weights.len()) {
-                        for (sum, &w) in row.iter_mut().zip(weights) {
-                            *sum += decode(w);
-                        }
+            exec.simd().run(
+                #[inline(always)]
+                || {
+                    for (y, row) in rows.zip(block.rows()) {
+                        self.shape.for_each_line(
+                            y,
+                            #[inline(always)]
+                            |line, _| {
+                                let Some(weights) = line.weights(self.weights, line.columns.clone()) else {
+                                    return;
+                                };
+                                let row = row.get_mut(line.columns.clone()).unwrap_or(&mut []);
+                                row.iter_mut().zip(weights).for_each(|(sum, &w)| *sum += decode(w));
+                            },
+                        );
                     }
-                });
-            }
+                },
+            );
         });
     }
 
-    /// Adds row `y` of L x to `out` (a row each) for the `C` planes `x`.
-    pub fn add_laplacian_row<const C: usize>(&self, y: usize, x: [&[f32]; C], out: [&mut [f32]; C]) {
-        let size = self.size;
+    /// Adds row `y` of L x to `out` (a row each) for the `C` planes `x`. To be called within `Simd::run`.
+    #[inline(always)]
+    pub(super) fn add_laplacian_row<const C: usize>(&self, y: usize, x: [&[f32]; C], out: [&mut [f32]; C]) {
+        // Wide tiles read the weights in the order in which they lie in memory.
+        if self.shape.size.is_multiple_of(WIDE) {
+            self.add_laplacian_tiles::<C, WIDE>(y, x, out);
+        } else {
+            self.add_laplacian_tiles::<C, TILE>(y, x, out);
+        }
+    }
+
+    #[inline(always)]
+    fn add_laplacian_tiles<const C: usize, const T: usize>(
+        &self,
+        y: usize,
+        x: [&[f32]; C],
+        out: [&mut [f32]; C],
+    ) {
+        let size = self.shape.size;
         let mut out = out;
         let mut start = 0;
         while start < size {
-            let len = TILE.min(size - start);
-            let mut own = [[0.0_f32; TILE]; C];
-            let mut sum = [[0.0_f32; TILE]; C];
-            for (own, plane) in own.iter_mut().zip(&x) {
+            let len = T.min(size - start);
+            let mut own = Aligned([[0.0_f32; T]; C]);
+            let mut sum = Aligned([[0.0_f32; T]; C]);
+            for (own, plane) in own.0.iter_mut().zip(&x) {
                 let row = plane.get(y * size + start..y * size + start + len).unwrap_or(&[]);
                 own.iter_mut().zip(row).for_each(|(own, &value)| *own = value);
             }
-            for (k, offset) in self.pattern.iter().enumerate() {
-                for span in self.shape().both(offset, y).into_iter().flatten() {
-                    let (from, to) = (span.start.max(start), (span.start + span.len).min(start + len));
-                    if from >= to {
-                        continue;
-                    }
-                    let Some(weights) = self.weights_of(&span, k, from, to) else { continue };
-                    let others = x.map(|plane| {
-                        let j = span.other + (from - span.start);
-                        plane.get(j..j + (to - from)).unwrap_or(&[])
-                    });
-                    add_differences(weights, &own, others, from - start, &mut sum);
-                }
-            }
-            for (row, sum) in out.iter_mut().zip(&sum) {
+            self.shape.for_each_line(
+                y,
+                #[inline(always)]
+                |line, _| {
+                    let (from, to) = (line.columns.start.max(start), line.columns.end.min(start + len));
+                    let Some(weights) = line.weights(self.weights, from..to) else { return };
+                    let others = x.map(|plane| line.others(plane, from..to).unwrap_or(&[]));
+                    add_differences(weights, &own.0, others, from - start, &mut sum.0);
+                },
+            );
+            for (row, sum) in out.iter_mut().zip(&sum.0) {
                 let row = row.get_mut(start..start + len).unwrap_or(&mut []);
                 row.iter_mut().zip(sum).for_each(|(out, &value)| *out += value);
             }
@@ -207,15 +264,16 @@ impl<'a> Pairs<'a> {
     /// a^T L b for planes `a` and `b`: sum over edges of W_ij (a_i - a_j) (b_i - b_j), row by row.
     #[must_use]
     pub fn form(&self, a: &[f32], b: &[f32]) -> f64 {
+        let size = self.shape.size;
         let mut total = 0.0_f64;
-        for y in 0..self.size {
+        for y in 0..size {
             let mut row = 0.0_f64;
-            for (k, offset) in self.pattern.iter().enumerate() {
-                let Some(span) = self.shape().forward(offset, y) else { continue };
-                let Some(weights) = self.weights_of(&span, k, span.start, span.start + span.len) else {
+            for (k, offset) in self.shape.pattern.iter().enumerate() {
+                let Some(line) = self.shape.forward(k, offset, y) else { continue };
+                let Some(weights) = line.weights(self.weights, line.columns.clone()) else { continue };
+                let (Some((ai, aj)), Some((bi, bj))) = (line.pair(a, size, y), line.pair(b, size, y)) else {
                     continue;
                 };
-                let (Some((ai, aj)), Some((bi, bj))) = (span.pair(a), span.pair(b)) else { continue };
                 for ((((&w, ai), aj), bi), bj) in weights.iter().zip(ai).zip(aj).zip(bi).zip(bj) {
                     row += f64::from(decode(w)) * f64::from(ai - aj) * f64::from(bi - bj);
                 }
@@ -224,116 +282,133 @@ impl<'a> Pairs<'a> {
         }
         total
     }
+}
 
-    /// The stored values of both directions of every offset at row `y`: `visit(offset, first column, values, k)`.
-    fn for_each_span(&self, y: usize, mut visit: impl FnMut(&Offset, usize, &[u16], usize)) {
+/// The edges of one row along one offset or its opposite.
+struct Line {
+    /// Columns whose partner can be looked up: all, but in the image's first and last row.
+    columns: Range<usize>,
+    /// Where the weight of column 0 is stored, and where its partner lies in a plane; may lie before the start.
+    weights: isize,
+    other: isize,
+}
+
+/// The part of `values` that belongs to `columns`, column 0 being at `start`.
+#[inline(always)]
+fn part<T>(values: &[T], start: isize, columns: Range<usize>) -> Option<&[T]> {
+    values.get(columns.start.checked_add_signed(start)?..columns.end.checked_add_signed(start)?)
+}
+
+impl Line {
+    #[inline(always)]
+    fn weights<'w>(&self, weights: &'w [u16], columns: Range<usize>) -> Option<&'w [u16]> {
+        part(weights, self.weights, columns)
+    }
+
+    #[inline(always)]
+    fn others<'p>(&self, plane: &'p [f32], columns: Range<usize>) -> Option<&'p [f32]> {
+        part(plane, self.other, columns)
+    }
+
+    /// The values of row `y` and of their partners.
+    #[inline(always)]
+    fn pair<'p>(&self, plane: &'p [f32], size: usize, y: usize) -> Option<(&'p [f32], &'p [f32])> {
+        let own = plane.get(y * size + self.columns.start..y * size + self.columns.end)?;
+        Some((own, self.others(plane, self.columns.clone())?))
+    }
+}
+
+/// Where a graph's weights lie.
+#[derive(Debug)]
+struct Shape {
+    size: usize,
+    pad: usize,
+    /// Sorted by falling dx, all less than `size` away.
+    pattern: Pattern,
+}
+
+impl Shape {
+    fn new(size: usize, pattern: &Pattern) -> Self {
+        let mut sorted = Pattern::new();
+        for offset in pattern {
+            if (offset.dx.unsigned_abs() as usize) < size && offset.dy < size {
+                // Room for every offset: both hold as many.
+                let _ = sorted.push(*offset);
+            }
+        }
+        sorted.sort_unstable_by_key(|offset| (-offset.dx, offset.dy));
+        let pad = sorted.iter().map(|offset| offset.dx.unsigned_abs() as usize).max().unwrap_or(0);
+        Self { size, pad, pattern: sorted }
+    }
+
+    /// Values of a row.
+    #[inline(always)]
+    fn row_len(&self) -> usize {
+        self.size.saturating_mul(self.pattern.len()).saturating_add(self.pad)
+    }
+
+    /// Values in all.
+    fn len(&self) -> usize {
+        self.row_len().saturating_mul(self.size).saturating_add(self.pad)
+    }
+
+    /// From row `y` along offset `k`.
+    #[inline(always)]
+    fn forward(&self, k: usize, offset: &Offset, y: usize) -> Option<Line> {
+        let n = self.size;
+        let row = y + offset.dy;
+        if row >= n {
+            return None;
+        }
+        let right = offset.dx.max(0) as usize;
+        Some(Line {
+            columns: 0..if row + 1 == n { n - right } else { n },
+            weights: (self.pad + y * self.row_len() + k * n) as isize,
+            other: (row * n) as isize + offset.dx as isize,
+        })
+    }
+
+    /// From row `y` against offset `k`.
+    #[inline(always)]
+    fn backward(&self, k: usize, offset: &Offset, y: usize) -> Option<Line> {
+        let n = self.size;
+        let row = y.checked_sub(offset.dy)?;
+        let right = offset.dx.max(0) as usize;
+        Some(Line {
+            columns: if row == 0 { right } else { 0 }..n,
+            weights: (self.pad + row * self.row_len() + k * n) as isize - offset.dx as isize,
+            other: (row * n) as isize - offset.dx as isize,
+        })
+    }
+
+    /// Visits all lines of row `y`, both directions.
+    #[inline(always)]
+    fn for_each_line(&self, y: usize, mut visit: impl FnMut(&Line, &Offset)) {
         for (k, offset) in self.pattern.iter().enumerate() {
-            for span in self.shape().both(offset, y).into_iter().flatten() {
-                if let Some(values) = self.weights_of(&span, k, span.start, span.start + span.len) {
-                    visit(offset, span.start, values, k);
+            for line in [self.forward(k, offset, y), self.backward(k, offset, y)] {
+                if let Some(line) = line {
+                    visit(&line, offset);
                 }
             }
         }
     }
-
-    /// The stored values of columns `from..to` of a span along offset `k`.
-    fn weights_of(&self, span: &Span, k: usize, from: usize, to: usize) -> Option<&[u16]> {
-        let at = (span.stored_row * self.pattern.len() + k) * self.size + span.stored + (from - span.start);
-        self.weights.get(at..at + (to - from))
-    }
-}
-
-/// The pixels of one row whose partner along an offset lies in the image.
-struct Span {
-    /// First column, and how many.
-    start: usize,
-    len: usize,
-    /// Index of the first pixel and of its partner in a plane.
-    own: usize,
-    other: usize,
-    /// Where the first edge is stored: row and column of the pixel that owns it.
-    stored_row: usize,
-    stored: usize,
-}
-
-impl Span {
-    /// The pixels' and their partners' values.
-    fn pair<'p>(&self, plane: &'p [f32]) -> Option<(&'p [f32], &'p [f32])> {
-        Some((plane.get(self.own..self.own + self.len)?, plane.get(self.other..self.other + self.len)?))
-    }
-}
-
-#[derive(Clone, Copy)]
-struct Shape<'p> {
-    size: usize,
-    pattern: &'p Pattern,
-}
-
-impl Shape<'_> {
-    fn row_len(&self) -> usize {
-        self.size * self.pattern.len()
-    }
-
-    fn forward(&self, offset: &Offset, y: usize) -> Option<Span> {
-        let n = self.size;
-        let shift = offset.dx.unsigned_abs() as usize;
-        let row = y + offset.dy;
-        if row >= n || shift >= n {
-            return None;
-        }
-        let (start, first) = if offset.dx < 0 { (shift, 0) } else { (0, shift) };
-        Some(Span {
-            start,
-            len: n - shift,
-            own: y * n + start,
-            other: row * n + first,
-            stored_row: y,
-            stored: start,
-        })
-    }
-
-    fn backward(&self, offset: &Offset, y: usize) -> Option<Span> {
-        let n = self.size;
-        let shift = offset.dx.unsigned_abs() as usize;
-        if offset.dy > y || shift >= n {
-            return None;
-        }
-        let row = y - offset.dy;
-        let (start, first) = if offset.dx < 0 { (0, shift) } else { (shift, 0) };
-        Some(Span {
-            start,
-            len: n - shift,
-            own: y * n + start,
-            other: row * n + first,
-            stored_row: row,
-            stored: first,
-        })
-    }
-
-    fn both(&self, offset: &Offset, y: usize) -> [Option<Span>; 2] {
-        [self.forward(offset, y), self.backward(offset, y)]
-    }
 }
 
 /// sum += w (own - other) for `weights.len()` pixels from `at` in the tile.
-#[inline]
-fn add_differences<const C: usize>(
+#[inline(always)]
+fn add_differences<const C: usize, const T: usize>(
     weights: &[u16],
-    own: &[[f32; TILE]; C],
+    own: &[[f32; T]; C],
     others: [&[f32]; C],
     at: usize,
-    sum: &mut [[f32; TILE]; C],
+    sum: &mut [[f32; T]; C],
 ) {
-    if let Ok(weights) = <&[u16; TILE]>::try_from(weights) {
-        // A loop: the standard array map is not vectorised.
-        let mut decoded = [0.0_f32; TILE];
-        for i in 0..TILE {
-            decoded[i] = decode(weights[i]);
-        }
-        for ((own, other), sum) in own.iter().zip(others).zip(sum) {
-            let Ok(other) = <&[f32; TILE]>::try_from(other) else { continue };
-            for i in 0..TILE {
-                sum[i] += decoded[i] * (own[i] - other[i]);
+    if let Ok(weights) = <&[u16; T]>::try_from(weights) {
+        let others = others.map(|other| <&[f32; T]>::try_from(other).unwrap_or(&[0.0; T]));
+        for i in 0..T {
+            let w = decode(weights[i]);
+            for c in 0..C {
+                sum[c][i] += w * (own[c][i] - others[c][i]);
             }
         }
         return;
@@ -346,14 +421,15 @@ fn add_differences<const C: usize>(
     }
 }
 
-/// Adds the codes of exp(-|f_i - f_j|²) = sqrt(K) of one span, shifted to their byte, to `codes`.
-fn affinity_row(features: &[f32], size: usize, span: &Span, shift: u32, codes: &mut [u16]) {
+/// Adds the codes of exp(-|f_i - f_j|²) = sqrt(K) of one line, shifted to their byte, to `codes`.
+#[inline(always)]
+fn affinity_row(features: &[f32], size: usize, line: &Line, y: usize, shift: u32, codes: &mut [u16]) {
     for (tile, codes) in codes.chunks_mut(TILE).enumerate() {
         let mut distance = [0.0_f32; TILE];
         for plane in features.chunks_exact(size * size) {
-            let Some((own, other)) = span.pair(plane) else { continue };
-            let (own, other) =
-                (own.get(tile * TILE..).unwrap_or(&[]), other.get(tile * TILE..).unwrap_or(&[]));
+            let Some((own, other)) = line.pair(plane, size, y) else { continue };
+            let columns = tile * TILE..tile * TILE + codes.len();
+            let (Some(own), Some(other)) = (own.get(columns.clone()), other.get(columns)) else { continue };
             for ((sum, a), b) in distance.iter_mut().zip(own).zip(other) {
                 let d = a - b;
                 *sum += d * d;
@@ -367,9 +443,34 @@ fn affinity_row(features: &[f32], size: usize, span: &Span, shift: u32, codes: &
     }
 }
 
+/// Adds weight code² to the sums of `columns`.
+#[inline(always)]
+fn add_squares(row: &mut [f32], columns: Range<usize>, codes: &[u16], shift: u32, weight: f32) {
+    let row = row.get_mut(columns).unwrap_or(&mut []);
+    row.iter_mut().zip(codes).for_each(|(sum, &code)| *sum += weight * squared_code(code, shift));
+}
+
+/// The weights of one kernel.
+#[inline(always)]
+fn merge_one(b: f32, i: &[f32], j: &[f32], codes: &mut [u16]) {
+    for ((code, i), j) in codes.iter_mut().zip(i).zip(j) {
+        *code = encode(b * (i * j) * squared_code(*code, 0));
+    }
+}
+
+/// The weights of two kernels.
+#[inline(always)]
+fn merge_two(b: [f32; 2], [i0, j0]: [&[f32]; 2], [i1, j1]: [&[f32]; 2], codes: &mut [u16]) {
+    for ((((code, i0), j0), i1), j1) in codes.iter_mut().zip(i0).zip(j0).zip(i1).zip(j1) {
+        let first = b[0] * (i0 * j0) * squared_code(*code, 0);
+        let second = b[1] * (i1 * j1) * squared_code(*code, 8);
+        *code = encode(first + second);
+    }
+}
+
 /// e^-t for t >= 0 to a relative 3e-5, by basic operations only, so that it vectorises and has the same bits
 /// everywhere; 0 or nearly so from t = 80 on.
-#[inline]
+#[inline(always)]
 fn exp_minus(t: f32) -> f32 {
     const SHIFT: f32 = 12_582_912.0;
     let t = if t < 80.0 { t } else { 80.0 };
@@ -381,20 +482,20 @@ fn exp_minus(t: f32) -> f32 {
     f32::from_bits(p.to_bits().wrapping_add(shifted.to_bits() << 23))
 }
 
-#[inline]
+#[inline(always)]
 fn squared_code(codes: u16, shift: u32) -> f32 {
     let code = f32::from(((codes >> shift) & 0xff) as u8);
     code * code
 }
 
 /// An f32 from its upper half.
-#[inline]
+#[inline(always)]
 fn decode(half: u16) -> f32 {
     f32::from_bits(u32::from(half) << 16)
 }
 
 /// The upper half of a finite f32, rounded to nearest.
-#[inline]
+#[inline(always)]
 fn encode(value: f32) -> u16 {
     let bits = value.to_bits();
     ((bits.wrapping_add(0x7fff + ((bits >> 16) & 1))) >> 16) as u16

@@ -6,7 +6,7 @@ use super::solver::{Options, Report, VECTORS, dot, solve};
 use super::system::{Kernels, System};
 use crate::Error;
 use crate::arena::{Arena, bytes_for};
-use crate::exec::Executor;
+use crate::exec::{Executor, Inline};
 use crate::maps::check_planes;
 
 /// Added to every pixel's unary weight (the coefficients' sum is 1), so that a pixel without a say of its own still
@@ -231,5 +231,5 @@ fn assemble<'a, E: Energy<N>, const N: usize>(
 /// a^T b over whole planes of `size` x `size`.
 #[must_use]
 pub fn inner(a: &[f32], b: &[f32], size: usize) -> f64 {
-    dot(a, b, size)
+    dot(a, b, size, &Inline)
 }

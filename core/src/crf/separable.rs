@@ -5,7 +5,7 @@
 //! cell²/6 both ways, taken off the blur's own variance), blurred there and read back with the same weights, so the
 //! operator S^T B S stays symmetric and positive, and its cost per pixel does not grow with the image.
 //! Planes are `size` x `size`; sigma in pixels.
-use super::solver::{dot, tail};
+use super::solver::dot;
 use crate::Error;
 use crate::arena::{Arena, bytes_for};
 use crate::exec::{Executor, Plane, ROWS_PER_BLOCK, for_each_row_block};
@@ -18,14 +18,22 @@ const RADIUS: f32 = 3.5;
 /// Narrowest Gaussian on a coarse grid, in cells.
 const MIN_SIGMA: f32 = 1.9;
 
+/// Also the zeros between two rows of cells.
 const MAX_TAPS: usize = 16;
+
+/// Rows of cells are as long as a multiple of this.
+const LANES: usize = 16;
 
 /// A separable Gaussian blur of a plane, without normalisation.
 #[derive(Debug)]
 pub struct Blur {
     size: usize,
+    /// Pixels per cell, a power of two.
     cell: usize,
+    /// Cells per side, one of margin on each side included.
     cells: usize,
+    /// Values from one row of cells to the next: at least [`MAX_TAPS`] zeros lie between.
+    stride: usize,
     /// Tap k and -k.
     taps: Vec<f32, MAX_TAPS>,
 }
@@ -50,72 +58,59 @@ impl Blur {
             // 3.5 sigmas of at most 2 MIN_SIGMA cells fit; what would not is far out on the tail.
             let _ = taps.push(expf(-((k * k) as f32) / (2.0 * variance)));
         }
-        let cells = if cell == 1 { size } else { size.div_ceil(cell) + 2 };
-        Self { size, cell, cells, taps }
+        let cells = size.div_ceil(cell).saturating_add(2);
+        let stride = cells.saturating_add(MAX_TAPS).next_multiple_of(LANES);
+        Self { size, cell, cells, stride, taps }
     }
 
-    /// Values in the two buffers of [`Blur::run`].
+    /// Values in the two buffers of [`Blur::spread`].
     #[must_use]
     pub fn buffer_lens(&self) -> [usize; 2] {
-        if self.cell == 1 {
-            return [self.size * self.size, 0];
-        }
-        [self.cells * self.cells.max(self.size), self.cells * self.cells]
+        let grid = self.cells.saturating_mul(self.stride);
+        [self.cells.saturating_mul(self.stride.max(self.size)), grid.saturating_add(MAX_TAPS)]
     }
 
-    /// Blurs `plane` in place; `a` and `b` are buffers of [`Blur::buffer_lens`] values.
-    pub fn run(&self, plane: &mut [f32], a: &mut [f32], b: &mut [f32], exec: &dyn Executor) {
-        let (n, m) = (self.size, self.cells);
-        if self.cell == 1 {
-            self.blur_rows(plane, a, n, exec);
-            self.blur_columns(a, plane, n, exec);
-            return;
-        }
-        self.splat_columns(plane, a, exec);
-        self.splat_rows(a, b, exec);
-        self.blur_rows(b, a, m, exec);
-        self.blur_columns(a, b, m, exec);
-        self.slice_rows(b, a, exec);
-        self.slice_columns(a, plane, exec);
+    /// Spreads scale (x - base) on the cells, blurs there and reads back along the rows: `a` then holds
+    /// [`Blur::cells`](Self) rows of `size` values, two of which make a row of pixels ([`Blur::between`]).
+    fn spread(&self, [x, scale]: [&[f32]; 2], base: f32, a: &mut [f32], b: &mut [f32], exec: &dyn Executor) {
+        let (front, rows) = b.split_at_mut(MAX_TAPS.min(b.len()));
+        front.fill(0.0);
+        self.splat_columns([x, scale], base, a, exec);
+        self.splat_rows(a, rows, exec);
+        self.blur_rows(b, a, exec);
+        self.blur_columns(a, b.get_mut(MAX_TAPS..).unwrap_or(&mut []), exec);
+        self.slice_rows(b.get(MAX_TAPS..).unwrap_or(&[]), a, exec);
     }
 
-    fn blur_rows(&self, input: &[f32], out: &mut [f32], width: usize, exec: &dyn Executor) {
-        let out = Plane::new(out.get_mut(..width * width).unwrap_or(&mut []), width);
-        for_each_row_block(exec, width, ROWS_PER_BLOCK, out, &|rows, mut block| {
-            for (y, out) in rows.zip(block.rows()) {
-                let row = input.get(y * width..(y + 1) * width).unwrap_or(&[]);
-                out.copy_from_slice(row);
-                for (k, &tap) in self.taps.iter().enumerate().skip(1).take_while(|&(k, _)| k < width) {
-                    for (out, value) in out.iter_mut().zip(row.get(k..).unwrap_or(&[])) {
-                        *out += tap * value;
-                    }
-                    for (out, value) in out.get_mut(k..).unwrap_or(&mut []).iter_mut().zip(row) {
-                        *out += tap * value;
+    /// What [`Blur::spread`] left in `a`, read back to pixels.
+    fn read(&self, a: &[f32], out: &mut [f32], exec: &dyn Executor) {
+        for_each_row_block(
+            exec,
+            self.size,
+            ROWS_PER_BLOCK,
+            Plane::new(out, self.size),
+            &|rows, mut block| {
+                for (y, out) in rows.zip(block.rows()) {
+                    let ([above, below], second) = self.between(a, y);
+                    for ((out, above), below) in out.iter_mut().zip(above).zip(below) {
+                        *out = (1.0 - second) * above + second * below;
                     }
                 }
-            }
-        });
+            },
+        );
     }
 
-    fn blur_columns(&self, input: &[f32], out: &mut [f32], width: usize, exec: &dyn Executor) {
-        let out = Plane::new(out.get_mut(..width * width).unwrap_or(&mut []), width);
-        for_each_row_block(exec, width, ROWS_PER_BLOCK, out, &|rows, mut block| {
-            for (y, out) in rows.zip(block.rows()) {
-                let row = |y: usize| input.get(y * width..(y + 1) * width).unwrap_or(&[]);
-                out.copy_from_slice(row(y));
-                for (k, &tap) in self.taps.iter().enumerate().skip(1) {
-                    if y >= k {
-                        out.iter_mut().zip(row(y - k)).for_each(|(out, value)| *out += tap * value);
-                    }
-                    if y + k < width {
-                        out.iter_mut().zip(row(y + k)).for_each(|(out, value)| *out += tap * value);
-                    }
-                }
-            }
-        });
+    /// The two rows of cells that pixels of row `y` lie between, and the second one's weight.
+    #[inline(always)]
+    fn between<'r>(&self, rows: &'r [f32], y: usize) -> ([&'r [f32]; 2], f32) {
+        let n = self.size;
+        let (first, second) = self.cell_of(y);
+        let row = |c: usize| rows.get(c * n..(c + 1) * n).unwrap_or(&[]);
+        ([row(first), row(first + 1)], second)
     }
 
     /// The first of the two cells of pixel `i` along an axis, and the second one's weight.
+    #[inline(always)]
     fn cell_of(&self, i: usize) -> (usize, f32) {
         // Cell c's centre is at pixel coordinate (c - 1/2) cell: one cell of margin on each side.
         let twice = 2 * i + 1 + self.cell;
@@ -124,6 +119,7 @@ impl Blur {
     }
 
     /// Weight of pixel `i` in `cell`.
+    #[inline(always)]
     fn weight(&self, i: usize, cell: usize) -> f32 {
         let (first, second) = self.cell_of(i);
         if cell == first {
@@ -136,74 +132,234 @@ impl Blur {
     }
 
     /// `size` x `size` pixels to `cells` rows of `size`.
-    fn splat_columns(&self, plane: &[f32], out: &mut [f32], exec: &dyn Executor) {
+    fn splat_columns(&self, [x, scale]: [&[f32]; 2], base: f32, out: &mut [f32], exec: &dyn Executor) {
         let (n, h) = (self.size, self.cell);
         for_each_row_block(exec, self.cells, ROWS_PER_BLOCK, Plane::new(out, n), &|rows, mut block| {
-            for (c, out) in rows.zip(block.rows()) {
-                out.fill(0.0);
-                for y in (c * h).saturating_sub(2 * h)..((c + 1) * h).min(n) {
-                    let weight = self.weight(y, c);
-                    if weight > 0.0 {
-                        let row = plane.get(y * n..(y + 1) * n).unwrap_or(&[]);
-                        out.iter_mut().zip(row).for_each(|(out, value)| *out += weight * value);
+            exec.simd().run(
+                #[inline(always)]
+                || {
+                    for (c, out) in rows.zip(block.rows()) {
+                        out.fill(0.0);
+                        for y in (c * h).saturating_sub(2 * h)..((c + 1) * h).min(n) {
+                            let weight = self.weight(y, c);
+                            if weight > 0.0 {
+                                let row = |plane| row_of(plane, n, y);
+                                add_scaled(weight, row(x), base, row(scale), out);
+                            }
+                        }
                     }
-                }
-            }
+                },
+            );
         });
     }
 
-    /// `cells` rows of `size` to `cells` x `cells`.
+    /// `cells` rows of `size` to `cells` x `cells`, with zeros up to the stride.
     fn splat_rows(&self, input: &[f32], out: &mut [f32], exec: &dyn Executor) {
-        let n = self.size;
-        for_each_row_block(
-            exec,
-            self.cells,
-            ROWS_PER_BLOCK,
-            Plane::new(out, self.cells),
-            &|rows, mut block| {
-                for (c, out) in rows.zip(block.rows()) {
-                    out.fill(0.0);
-                    let row = input.get(c * n..(c + 1) * n).unwrap_or(&[]);
-                    for (x, value) in row.iter().enumerate() {
-                        let (first, second) = self.cell_of(x);
-                        if let Some([a, b]) = out.get_mut(first..first + 2) {
-                            *a += (1.0 - second) * value;
-                            *b += second * value;
+        let (n, h) = (self.size, self.cell);
+        let out = Plane::new(out, self.stride);
+        for_each_row_block(exec, self.cells, ROWS_PER_BLOCK, out, &|rows, mut block| {
+            exec.simd().run(
+                #[inline(always)]
+                || {
+                    for (y, out) in rows.zip(block.rows()) {
+                        out.fill(0.0);
+                        let row = row_of(input, n, y);
+                        match h {
+                            1 => out.iter_mut().skip(1).zip(row).for_each(|(out, value)| *out = *value),
+                            2 => splat_row::<2, 4>(row, out),
+                            4 => splat_row::<4, 8>(row, out),
+                            8 => splat_row::<8, 16>(row, out),
+                            _ => {
+                                for (x, value) in row.iter().enumerate() {
+                                    let (first, second) = self.cell_of(x);
+                                    if let Some([a, b]) = out.get_mut(first..first + 2) {
+                                        *a += (1.0 - second) * value;
+                                        *b += second * value;
+                                    }
+                                }
+                            }
                         }
                     }
-                }
-            },
-        );
+                },
+            );
+        });
+    }
+
+    /// Rows of cells, [`MAX_TAPS`] zeros before the first and between any two.
+    fn blur_rows(&self, input: &[f32], out: &mut [f32], exec: &dyn Executor) {
+        let out = Plane::new(out, self.stride);
+        for_each_row_block(exec, self.cells, ROWS_PER_BLOCK, out, &|rows, mut block| {
+            exec.simd().run(
+                #[inline(always)]
+                || {
+                    for (y, out) in rows.zip(block.rows()) {
+                        let start = MAX_TAPS + y * self.stride;
+                        let row = |start: usize| input.get(start..start + self.stride).unwrap_or(&[]);
+                        out.copy_from_slice(row(start));
+                        // The last row's end has no zeros behind it: what a tap misses there are zeros of its own.
+                        for (k, &tap) in self.taps.iter().enumerate().skip(1) {
+                            let right = input.get(start + k..).unwrap_or(&[]);
+                            add_pair(tap, row(start - k), right, out);
+                        }
+                    }
+                },
+            );
+        });
+    }
+
+    fn blur_columns(&self, input: &[f32], out: &mut [f32], exec: &dyn Executor) {
+        let out = Plane::new(out, self.stride);
+        for_each_row_block(exec, self.cells, ROWS_PER_BLOCK, out, &|rows, mut block| {
+            exec.simd().run(
+                #[inline(always)]
+                || {
+                    for (y, out) in rows.zip(block.rows()) {
+                        let row = |y: usize| row_of(input, self.stride, y);
+                        out.copy_from_slice(row(y));
+                        for (k, &tap) in self.taps.iter().enumerate().skip(1) {
+                            match (y >= k, y + k < self.cells) {
+                                (true, true) => add_pair(tap, row(y - k), row(y + k), out),
+                                (true, false) => add_one(tap, row(y - k), out),
+                                (false, true) => add_one(tap, row(y + k), out),
+                                (false, false) => break,
+                            }
+                        }
+                    }
+                },
+            );
+        });
     }
 
     /// `cells` x `cells` to `cells` rows of `size`.
     fn slice_rows(&self, input: &[f32], out: &mut [f32], exec: &dyn Executor) {
-        let m = self.cells;
-        for_each_row_block(exec, m, ROWS_PER_BLOCK, Plane::new(out, self.size), &|rows, mut block| {
-            for (c, out) in rows.zip(block.rows()) {
-                let row = input.get(c * m..(c + 1) * m).unwrap_or(&[]);
-                for (x, out) in out.iter_mut().enumerate() {
-                    let (first, second) = self.cell_of(x);
-                    if let Some(&[a, b]) = row.get(first..first + 2) {
-                        *out = (1.0 - second) * a + second * b;
+        let h = self.cell;
+        let out = Plane::new(out, self.size);
+        for_each_row_block(exec, self.cells, ROWS_PER_BLOCK, out, &|rows, mut block| {
+            exec.simd().run(
+                #[inline(always)]
+                || {
+                    for (y, out) in rows.zip(block.rows()) {
+                        let row = row_of(input, self.stride, y);
+                        match h {
+                            1 => {
+                                out.iter_mut().zip(row.iter().skip(1)).for_each(|(out, value)| *out = *value)
+                            }
+                            2 => slice_row::<2>(row, out),
+                            4 => slice_row::<4>(row, out),
+                            8 => slice_row::<8>(row, out),
+                            _ => {
+                                for (x, out) in out.iter_mut().enumerate() {
+                                    let (first, second) = self.cell_of(x);
+                                    if let Some(&[a, b]) = row.get(first..first + 2) {
+                                        *out = (1.0 - second) * a + second * b;
+                                    }
+                                }
+                            }
+                        }
                     }
-                }
-            }
+                },
+            );
         });
     }
+}
 
-    /// `cells` rows of `size` to `size` x `size` pixels.
-    fn slice_columns(&self, input: &[f32], plane: &mut [f32], exec: &dyn Executor) {
-        let n = self.size;
-        for_each_row_block(exec, n, ROWS_PER_BLOCK, Plane::new(plane, n), &|rows, mut block| {
-            for (y, out) in rows.zip(block.rows()) {
-                let (first, second) = self.cell_of(y);
-                let row = |c: usize| input.get(c * n..(c + 1) * n).unwrap_or(&[]);
-                for ((out, a), b) in out.iter_mut().zip(row(first)).zip(row(first + 1)) {
-                    *out = (1.0 - second) * a + second * b;
-                }
-            }
-        });
+/// Row `y` of a plane of rows of `width` values.
+#[inline(always)]
+fn row_of(plane: &[f32], width: usize, y: usize) -> &[f32] {
+    plane.get(y * width..(y + 1) * width).unwrap_or(&[])
+}
+
+/// out += weight scale (x - base).
+#[inline(always)]
+fn add_scaled(weight: f32, x: &[f32], base: f32, scale: &[f32], out: &mut [f32]) {
+    for ((out, x), scale) in out.iter_mut().zip(x).zip(scale) {
+        *out += weight * (scale * (x - base));
+    }
+}
+
+/// out += tap (a + b).
+#[inline(always)]
+fn add_pair(tap: f32, a: &[f32], b: &[f32], out: &mut [f32]) {
+    for ((out, a), b) in out.iter_mut().zip(a).zip(b) {
+        *out += tap * (a + b);
+    }
+}
+
+/// out += tap a.
+#[inline(always)]
+fn add_one(tap: f32, a: &[f32], out: &mut [f32]) {
+    for (out, a) in out.iter_mut().zip(a) {
+        *out += tap * a;
+    }
+}
+
+/// Weights of the `H` pixels between two cells in the second one; `H` is even.
+#[inline(always)]
+fn ramp<const H: usize>() -> [f32; H] {
+    core::array::from_fn(|r| (2 * r + 1) as f32 / (2 * H) as f32)
+}
+
+/// Pixels to cells of `H` pixels; `W` = 2 H.
+#[inline(always)]
+fn splat_row<const H: usize, const W: usize>(row: &[f32], out: &mut [f32]) {
+    let up = ramp::<H>();
+    // What a cell gets: rising weights from the pixels before its centre, falling ones from those behind.
+    let tent: [f32; W] = core::array::from_fn(|i| if i < H { up[i] } else { 1.0 - up[i - H] });
+    // Cell c's pixels start at c H - 3 H / 2: all of them lie in the row for the cells `first..last`.
+    let first = 2.min(out.len());
+    let last = ((row.len() + H / 2) / H).clamp(first, out.len());
+    for (c, out) in out.iter_mut().enumerate() {
+        if (first..last).contains(&c) {
+            continue;
+        }
+        for (i, weight) in tent.iter().enumerate() {
+            let pixel = (c * H + i).checked_sub(H + H / 2).and_then(|x| row.get(x));
+            *out += weight * pixel.copied().unwrap_or(0.0);
+        }
+    }
+    let inside = out.get_mut(first..last).unwrap_or(&mut []);
+    for (pixels, out) in row.get(H / 2..).unwrap_or(&[]).windows(W).step_by(H).zip(inside) {
+        let mut sum = 0.0;
+        for (weight, pixel) in tent.iter().zip(pixels) {
+            sum += weight * pixel;
+        }
+        *out = sum;
+    }
+}
+
+/// Cells of `H` pixels to pixels.
+#[inline(always)]
+fn slice_row<const H: usize>(row: &[f32], out: &mut [f32]) {
+    let up = ramp::<H>();
+    // Half a cell lies before the first cell's centre.
+    let (front, rest) = out.split_at_mut((H / 2).min(out.len()));
+    if let Some(&[a, b]) = row.get(..2) {
+        for (out, second) in front.iter_mut().zip(up.iter().skip(H / 2)) {
+            *out = (1.0 - second) * a + second * b;
+        }
+    }
+    let (a, b) = (row.get(1..).unwrap_or(&[]), row.get(2..).unwrap_or(&[]));
+    for ((out, a), b) in rest.chunks_mut(H).zip(a).zip(b) {
+        for (out, second) in out.iter_mut().zip(&up) {
+            *out = (1.0 - second) * a + second * b;
+        }
+    }
+}
+
+/// out += weight (row_sum (x - base) - scale blurred), blurred lying between two rows of cells.
+#[inline(always)]
+fn add_row(
+    weight: f32,
+    [x, scale, row_sum]: [&[f32]; 3],
+    base: f32,
+    [above, below]: [&[f32]; 2],
+    second: f32,
+    out: &mut [f32],
+) {
+    let planes = x.iter().zip(scale).zip(row_sum);
+    for (((out, ((x, scale), sum)), above), below) in out.iter_mut().zip(planes).zip(above).zip(below) {
+        let blurred = (1.0 - second) * above + second * below;
+        *out += weight * (sum * (x - base) - scale * blurred);
     }
 }
 
@@ -214,7 +370,6 @@ pub struct Spatial<'a> {
     weight: f32,
     scale: &'a mut [f32],
     row_sum: &'a mut [f32],
-    plane: &'a mut [f32],
     buffers: [&'a mut [f32]; 2],
 }
 
@@ -224,7 +379,7 @@ impl<'a> Spatial<'a> {
     pub fn bytes(size: usize, sigma: f32) -> usize {
         let plane = bytes_for::<f32>(size.saturating_mul(size));
         let [a, b] = Blur::new(size, sigma).buffer_lens().map(bytes_for::<f32>);
-        plane.saturating_mul(3).saturating_add(a).saturating_add(b)
+        plane.saturating_mul(2).saturating_add(a).saturating_add(b)
     }
 
     /// The normalised blur of `sigma` pixels over `size` x `size` pixels, its Laplacian multiplied by `weight`.
@@ -240,20 +395,18 @@ impl<'a> Spatial<'a> {
     ) -> Result<Self, Error> {
         let blur = Blur::new(size, sigma);
         let n2 = size.saturating_mul(size);
-        let [scale, row_sum, plane] = [arena.take(n2)?, arena.take(n2)?, arena.take::<f32>(n2)?];
+        let (scale, row_sum) = (arena.take::<f32>(n2)?, arena.take::<f32>(n2)?);
         let [a, b] = blur.buffer_lens();
         let [a, b] = [arena.take(a)?, arena.take(b)?];
-        plane.fill(1.0);
-        blur.run(plane, a, b, exec);
-        for (scale, &sum) in scale.iter_mut().zip(&*plane) {
-            *scale = 1.0 / sqrtf(sum);
-        }
-        plane.copy_from_slice(scale);
-        blur.run(plane, a, b, exec);
-        for ((sum, &blurred), &scale) in row_sum.iter_mut().zip(&*plane).zip(&*scale) {
-            *sum = scale * blurred;
-        }
-        Ok(Self { blur, weight, scale, row_sum, plane, buffers: [a, b] })
+        scale.fill(1.0);
+        row_sum.fill(1.0);
+        blur.spread([&*row_sum, &*scale], 0.0, a, b, exec);
+        blur.read(a, scale, exec);
+        scale.iter_mut().for_each(|scale| *scale = 1.0 / sqrtf(*scale));
+        blur.spread([&*row_sum, &*scale], 0.0, a, b, exec);
+        blur.read(a, row_sum, exec);
+        row_sum.iter_mut().zip(&*scale).for_each(|(sum, scale)| *sum *= scale);
+        Ok(Self { blur, weight, scale, row_sum, buffers: [a, b] })
     }
 
     /// Adds the row sums of the weighted kernel to `out`: a bound of its part of the diagonal.
@@ -265,21 +418,23 @@ impl<'a> Spatial<'a> {
 
     /// Adds weight L x to `out` for one plane `x`.
     pub fn add_laplacian(&mut self, x: &[f32], out: &mut [f32], exec: &dyn Executor) {
-        let n = self.blur.size;
         // L is 0 on constants, so any may be taken off first: a constant x gives exactly 0.
         let base = x.first().copied().unwrap_or(0.0);
-        for ((value, x), scale) in self.plane.iter_mut().zip(x).zip(&*self.scale) {
-            *value = scale * (x - base);
-        }
         let [a, b] = &mut self.buffers;
-        self.blur.run(self.plane, a, b, exec);
-        let (plane, scale, row_sum, weight) = (&*self.plane, &*self.scale, &*self.row_sum, self.weight);
+        self.blur.spread([x, &*self.scale], base, a, b, exec);
+        let n = self.blur.size;
+        let (blur, a, scale, row_sum, weight) = (&self.blur, &**a, &*self.scale, &*self.row_sum, self.weight);
         for_each_row_block(exec, n, ROWS_PER_BLOCK, Plane::new(out, n), &|rows, mut block| {
-            let at = rows.start * n;
-            let rows = tail(x, at).iter().zip(tail(plane, at)).zip(tail(scale, at)).zip(tail(row_sum, at));
-            for (out, (((x, blurred), scale), sum)) in block.values().iter_mut().zip(rows) {
-                *out += weight * (sum * (x - base) - scale * blurred);
-            }
+            exec.simd().run(
+                #[inline(always)]
+                || {
+                    for (y, out) in rows.zip(block.rows()) {
+                        let (cells, second) = blur.between(a, y);
+                        let [x, scale, row_sum] = [x, scale, row_sum].map(|plane| row_of(plane, n, y));
+                        add_row(weight, [x, scale, row_sum], base, cells, second, out);
+                    }
+                },
+            );
         });
     }
 
@@ -288,7 +443,7 @@ impl<'a> Spatial<'a> {
     pub fn form(&mut self, a: &[f32], b: &[f32], scratch: &mut [f32], exec: &dyn Executor) -> f64 {
         scratch.fill(0.0);
         self.add_laplacian(b, scratch, exec);
-        dot(a, scratch, self.blur.size)
+        dot(a, scratch, self.blur.size, exec)
     }
 }
 
@@ -303,8 +458,9 @@ mod tests {
         let blur = Blur::new(size, sigma);
         let mut plane = vec![0.0; size * size];
         plane[y * size + x] = 1.0;
-        let [mut a, mut b] = blur.buffer_lens().map(|len| vec![0.0; len]);
-        blur.run(&mut plane, &mut a, &mut b, &Inline);
+        let [mut a, mut b] = blur.buffer_lens().map(|len| vec![f32::NAN; len]);
+        blur.spread([&plane, &vec![1.0; size * size]], 0.0, &mut a, &mut b, &Inline);
+        blur.read(&a, &mut plane, &Inline);
         plane
     }
 

@@ -3,7 +3,7 @@
 //! Sums run row by row in a fixed order, so the result does not depend on the executor. Vectors hold `channels` planes
 //! one after the other; every channel has its own step sizes and stops on its own.
 use crate::Error;
-use crate::exec::{Executor, Plane, ROWS_PER_BLOCK, for_each_row_block};
+use crate::exec::{Executor, Plane, ROWS_PER_BLOCK, for_each_row_block, sum_row_blocks};
 
 /// Most channels solved at once.
 pub const MAX_CHANNELS: usize = 3;
@@ -77,13 +77,13 @@ pub fn solve(
     };
 
     operator.apply(x, q, exec);
-    for ((r, &b), &q) in r.iter_mut().zip(rhs).zip(&*q) {
-        *r = b - q;
+    for (r, (b, q)) in r.chunks_exact_mut(n2).zip(rhs.chunks_exact(n2).zip(q.chunks_exact(n2))) {
+        difference(b, q, r, size, exec);
     }
     let mut state = [Channel::default(); MAX_CHANNELS];
     for (channel, (r, b)) in state.iter_mut().zip(r.chunks_exact(n2).zip(rhs.chunks_exact(n2))) {
-        channel.rhs = weighted_square(b, operator.diagonal(), size);
-        channel.residual = weighted_square(r, operator.diagonal(), size);
+        channel.rhs = weighted_square(b, operator.diagonal(), size, exec);
+        channel.residual = weighted_square(r, operator.diagonal(), size, exec);
         if !channel.residual.is_finite() || !channel.rhs.is_finite() {
             return Err(Error::CrfInput);
         }
@@ -105,7 +105,7 @@ pub fn solve(
             if !channel.active(options) {
                 continue;
             }
-            let curvature = dot(p, q, size);
+            let curvature = dot(p, q, size, exec);
             let step = (channel.residual / curvature) as f32;
             // Rounding alone can bring this about; the channel's best solution so far stands.
             if curvature.is_nan() || curvature <= 0.0 || !step.is_finite() {
@@ -114,7 +114,7 @@ pub fn solve(
             }
             advance(step, p, q, x, r, size, exec);
             channel.before = channel.residual;
-            channel.residual = weighted_square(r, operator.diagonal(), size);
+            channel.residual = weighted_square(r, operator.diagonal(), size, exec);
         }
         iterations += 1;
     }
@@ -150,10 +150,26 @@ impl Channel {
 fn direction(r: &[f32], diagonal: &[f32], beta: f32, p: &mut [f32], size: usize, exec: &dyn Executor) {
     for_each_row_block(exec, size, ROWS_PER_BLOCK, Plane::new(p, size), &|rows, mut block| {
         let (r, d) = (tail(r, rows.start * size), tail(diagonal, rows.start * size));
-        for ((p, r), d) in block.values().iter_mut().zip(r).zip(d) {
-            // The first direction must not meet what the workspace held.
-            *p = if beta == 0.0 { r / d } else { r / d + beta * *p };
-        }
+        exec.simd().run(
+            #[inline(always)]
+            || {
+                for ((p, r), d) in block.values().iter_mut().zip(r).zip(d) {
+                    // The first direction must not meet what the workspace held.
+                    *p = if beta == 0.0 { r / d } else { r / d + beta * *p };
+                }
+            },
+        );
+    });
+}
+
+/// r = b - q.
+fn difference(b: &[f32], q: &[f32], r: &mut [f32], size: usize, exec: &dyn Executor) {
+    for_each_row_block(exec, size, ROWS_PER_BLOCK, Plane::new(r, size), &|rows, mut block| {
+        let (b, q) = (tail(b, rows.start * size), tail(q, rows.start * size));
+        exec.simd().run(
+            #[inline(always)]
+            || block.values().iter_mut().zip(b).zip(q).for_each(|((r, b), q)| *r = b - q),
+        );
     });
 }
 
@@ -162,8 +178,13 @@ fn advance(step: f32, p: &[f32], q: &[f32], x: &mut [f32], r: &mut [f32], size: 
     let out = (Plane::new(x, size), Plane::new(r, size));
     for_each_row_block(exec, size, ROWS_PER_BLOCK, out, &|rows, (mut x, mut r)| {
         let (p, q) = (tail(p, rows.start * size), tail(q, rows.start * size));
-        x.values().iter_mut().zip(p).for_each(|(x, p)| *x += step * p);
-        r.values().iter_mut().zip(q).for_each(|(r, q)| *r -= step * q);
+        exec.simd().run(
+            #[inline(always)]
+            || {
+                x.values().iter_mut().zip(p).for_each(|(x, p)| *x += step * p);
+                r.values().iter_mut().zip(q).for_each(|(r, q)| *r -= step * q);
+            },
+        );
     });
 }
 
@@ -176,30 +197,62 @@ const LANES: usize = 16;
 
 /// a^T b: rows of `width` values in [`LANES`] running f32 sums each, rows added up in f64.
 #[must_use]
-pub(super) fn dot(a: &[f32], b: &[f32], width: usize) -> f64 {
-    rows_sum(a, b, width, |a, b| a * b)
+pub(super) fn dot(a: &[f32], b: &[f32], width: usize, exec: &dyn Executor) -> f64 {
+    rows_sum(
+        a,
+        b,
+        width,
+        exec,
+        #[inline(always)]
+        |a, b| a * b,
+    )
 }
 
 /// r^T diagonal^-1 r.
-fn weighted_square(r: &[f32], diagonal: &[f32], width: usize) -> f64 {
-    rows_sum(r, diagonal, width, |r, d| r * r / d)
+fn weighted_square(r: &[f32], diagonal: &[f32], width: usize, exec: &dyn Executor) -> f64 {
+    rows_sum(
+        r,
+        diagonal,
+        width,
+        exec,
+        #[inline(always)]
+        |r, d| r * r / d,
+    )
 }
 
 #[inline(always)]
-fn rows_sum(a: &[f32], b: &[f32], width: usize, term: impl Fn(f32, f32) -> f32) -> f64 {
-    let mut total = 0.0_f64;
-    for (a, b) in a.chunks(width.max(1)).zip(b.chunks(width.max(1))) {
-        let mut sums = [0.0_f32; LANES];
-        for (a, b) in a.chunks(LANES).zip(b.chunks(LANES)) {
-            for ((sum, &a), &b) in sums.iter_mut().zip(a).zip(b) {
-                *sum += term(a, b);
-            }
+fn rows_sum(
+    a: &[f32],
+    b: &[f32],
+    width: usize,
+    exec: &dyn Executor,
+    term: impl Fn(f32, f32) -> f32 + Sync,
+) -> f64 {
+    let width = width.max(1);
+    let rows = a.len().min(b.len()).div_ceil(width);
+    let [sum] = sum_row_blocks(exec, 0..rows, ROWS_PER_BLOCK, &|rows| {
+        let part = |plane| tail(plane, rows.start * width).chunks(width).take(rows.len());
+        exec.simd().run(
+            #[inline(always)]
+            || [part(a).zip(part(b)).map(|(a, b)| f64::from(row_sum(a, b, &term))).sum()],
+        )
+    });
+    sum
+}
+
+/// The sum over a row: value i goes to running sum i modulo [`LANES`].
+#[inline(always)]
+fn row_sum(a: &[f32], b: &[f32], term: impl Fn(f32, f32) -> f32) -> f32 {
+    let mut sums = [0.0_f32; LANES];
+    let (whole_a, rest_a) = a.as_chunks::<LANES>();
+    let (whole_b, rest_b) = b.as_chunks::<LANES>();
+    for (a, b) in whole_a.iter().zip(whole_b) {
+        for i in 0..LANES {
+            sums[i] += term(a[i], b[i]);
         }
-        let mut row = 0.0_f32;
-        for sum in sums {
-            row += sum;
-        }
-        total += f64::from(row);
     }
-    total
+    for ((sum, &a), &b) in sums.iter_mut().zip(rest_a).zip(rest_b) {
+        *sum += term(a, b);
+    }
+    sums.iter().sum()
 }

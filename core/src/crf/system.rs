@@ -39,10 +39,10 @@ impl<'a> System<'a> {
     /// Bytes that [`System::new`] takes, the most that it needs while it runs included.
     #[must_use]
     pub fn bytes(size: usize, spatial_sigma: f32, sigma: f32) -> usize {
-        let offsets = pattern(pixels(sigma, size), SAMPLES).len();
+        let pattern = pattern(pixels(sigma, size), SAMPLES);
         bytes_for::<f32>(size.saturating_mul(size))
             .saturating_add(Spatial::bytes(size, pixels(spatial_sigma, size)))
-            .saturating_add(Pairs::bytes(size, offsets))
+            .saturating_add(Pairs::bytes(size, &pattern))
             .saturating_add(Pairs::build_bytes(size))
     }
 
@@ -83,7 +83,7 @@ impl<'a> System<'a> {
             None
         } else {
             let pattern = pattern(pixels(kernels.sigma, size), SAMPLES);
-            let pairs = Pairs::build(size, pattern, list, exec, arena)?;
+            let pairs = Pairs::build(size, &pattern, list, exec, arena)?;
             pairs.add_row_sums(diagonal, exec);
             Some(pairs)
         };
@@ -120,24 +120,31 @@ impl Operator for System<'_> {
         let planes = [plane(0), plane(1), plane(2)];
         let blocks = planes3(&mut *out, size, size);
         for_each_row_block(exec, size, ROWS_PER_BLOCK, blocks, &|rows, mut block| {
-            let [first, second, third] = &mut block;
-            let (mut second, mut third) = (second.rows(), third.rows());
-            for (y, first) in rows.zip(first.rows()) {
-                let mut three = [first, second.next().unwrap_or(&mut []), third.next().unwrap_or(&mut [])];
-                for (out, plane) in three.iter_mut().zip(&planes) {
-                    let row = tail(plane, y * size).iter().zip(tail(unary, y * size));
-                    out.iter_mut().zip(row).for_each(|(out, (x, a))| *out = a * x);
-                }
-                let Some(pairs) = pairs else { continue };
-                let [first, second, third] = three;
-                if second.is_empty() {
-                    pairs.add_laplacian_row(y, [planes[0]], [first]);
-                } else if third.is_empty() {
-                    pairs.add_laplacian_row(y, [planes[0], planes[1]], [first, second]);
-                } else {
-                    pairs.add_laplacian_row(y, planes, [first, second, third]);
-                }
-            }
+            exec.simd().run(
+                #[inline(always)]
+                || {
+                    let [first, second, third] = &mut block;
+                    let (mut second, mut third) = (second.rows(), third.rows());
+                    for (y, first) in rows.zip(first.rows()) {
+                        let mut three =
+                            [first, second.next().unwrap_or(&mut []), third.next().unwrap_or(&mut [])];
+                        for (out, plane) in three.iter_mut().zip(&planes) {
+                            let row = tail(plane, y * size).iter().zip(tail(unary, y * size));
+                            out.iter_mut().zip(row).for_each(|(out, (x, a))| *out = a * x);
+                        }
+                        let Some(pairs) = pairs else { continue };
+                        let [first, second, third] = three;
+                        if third.is_empty() {
+                            pairs.add_laplacian_row(y, [planes[0]], [first]);
+                            if !second.is_empty() {
+                                pairs.add_laplacian_row(y, [planes[1]], [second]);
+                            }
+                        } else {
+                            pairs.add_laplacian_row(y, planes, [first, second, third]);
+                        }
+                    }
+                },
+            );
         });
         if let Some(spatial) = &mut self.spatial {
             for (x, out) in x.chunks_exact(n2).zip(out.chunks_exact_mut(n2)) {

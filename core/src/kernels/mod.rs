@@ -12,6 +12,7 @@ mod aarch64;
 mod level;
 pub mod pack;
 mod scalar;
+mod simd;
 #[cfg(test)]
 mod tests;
 #[cfg(target_arch = "x86_64")]
@@ -22,6 +23,7 @@ mod x86_64;
 use crate::Error;
 use crate::net::quant::Range;
 pub use level::Level;
+pub use simd::Simd;
 
 /// Every level that has kernels on this architecture: dispatch, tests and benches all read this list.
 pub static ALL: &[&Kernels] = &[

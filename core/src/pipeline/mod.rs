@@ -8,9 +8,9 @@ mod stages;
 use crate::arena::{Arena, bytes_for};
 use crate::brdf::{self, Light, Scene};
 use crate::crf;
-use crate::exec::Executor;
+use crate::exec::{At, Executor};
 use crate::frame::{self, FieldOfView, Frame, LinearImage};
-use crate::kernels::Kernels;
+use crate::kernels::{Kernels, Simd};
 use crate::maps::{Maps, MapsMut};
 use crate::net::scales::Scales;
 use crate::net::{Class, ClassProbabilities, Classification, Model, Network};
@@ -127,6 +127,7 @@ impl Engine for Network<'_> {
 #[derive(Clone, Debug)]
 pub struct Pipeline<'m> {
     network: Scales<Network<'m>>,
+    simd: Simd,
 }
 
 impl<'m> Pipeline<'m> {
@@ -136,7 +137,7 @@ impl<'m> Pipeline<'m> {
     /// As [`Network::new`].
     pub fn new(model: Model<'m>, size: usize, kernels: &'static Kernels) -> Result<Self, Error> {
         let network = Scales::new(&model, size, |size| Network::new(model.clone(), size, kernels))?;
-        Ok(Self { network })
+        Ok(Self { network, simd: Simd::for_level(kernels.level())? })
     }
 
     /// Bytes of workspace that [`Pipeline::run`] needs.
@@ -145,7 +146,7 @@ impl<'m> Pipeline<'m> {
         workspace_bytes(&self.network)
     }
 
-    /// One photo through all stages.
+    /// One photo through all stages; float loops use the vector registers of the kernels' level.
     ///
     /// # Errors
     /// As [`run`].
@@ -157,7 +158,7 @@ impl<'m> Pipeline<'m> {
         workspace: &'a mut [u8],
         observer: &mut dyn Observer,
     ) -> Result<Capture<'a>, Error> {
-        run(&self.network, frame, options, exec, workspace, observer)
+        run(&self.network, frame, options, &At::new(exec, self.simd), workspace, observer)
     }
 }
 

@@ -100,7 +100,7 @@ fn columns(size: usize, samples: usize, seed: u64) -> (Vec<Vec<f32>>, Vec<f32>) 
     let mut bytes = vec![0x7f_u8; 1 << 24];
     let mut arena = Arena::new(&mut bytes);
     if samples < SAMPLES {
-        let graph = Pairs::build(size, pattern(4.0, samples), &kernels, &Inline, &mut arena).expect("built");
+        let graph = Pairs::build(size, &pattern(4.0, samples), &kernels, &Inline, &mut arena).expect("built");
         let plane = |i: usize| (0..n).map(|j| f32::from(u8::from(i == j))).collect::<Vec<f32>>();
         let columns = (0..n).map(|i| {
             let x = plane(i);

@@ -73,7 +73,7 @@ fn parts() {
     let sigma = pixels(feature::SIGMA_POSITION, size);
     best("pattern", || assert!(!pattern(sigma, SAMPLES).is_empty()));
     best("graph", || {
-        Pairs::build(size, pattern(sigma, SAMPLES), &kernels, &Inline, &mut Arena::new(&mut bytes))
+        Pairs::build(size, &pattern(sigma, SAMPLES), &kernels, &Inline, &mut Arena::new(&mut bytes))
             .expect("built");
     });
     best("spatial", || {

@@ -1,0 +1,111 @@
+//! Float loops compiled once per instruction set: written once, in plain Rust, so that every level gives the same bits.
+//!
+//! [`Simd::run`] inlines its closure into a function compiled for the level's vector registers, and LLVM vectorises
+//! what it finds there. Rust never contracts `a * b + c`, and vectorised loops keep each lane's operations and their
+//! order, so wider registers change the time alone. Closures must be `#[inline(always)]`, and what they call too: a
+//! call that stays a call is compiled for the baseline.
+#![allow(unsafe_code)]
+use super::Level;
+use crate::Error;
+
+/// Proof that this CPU has the vector registers that float loops are to use.
+///
+/// A value: [`Simd::for_level`] checks the CPU, and nothing else makes one wider than the baseline.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Simd(Width);
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Width {
+    /// What the compiler may use anyway: SSE2 on x86-64, NEON on AArch64.
+    Baseline,
+    #[cfg(target_arch = "x86_64")]
+    Avx2,
+    #[cfg(target_arch = "x86_64")]
+    Avx512,
+}
+
+impl Simd {
+    /// What every CPU of the target has.
+    pub const BASELINE: Self = Self(Width::Baseline);
+
+    /// The registers of `level`.
+    ///
+    /// # Errors
+    /// [`Error::LevelUnsupported`] when this CPU (without `std`: this build) does not have it.
+    pub fn for_level(level: Level) -> Result<Self, Error> {
+        if !level.is_supported() {
+            return Err(Error::LevelUnsupported { level });
+        }
+        #[cfg(target_arch = "x86_64")]
+        if level == Level::Avx512Vnni {
+            return Ok(Self(Width::Avx512));
+        }
+        #[cfg(target_arch = "x86_64")]
+        if level != Level::Scalar && Level::Avx2.is_supported() {
+            return Ok(Self(Width::Avx2));
+        }
+        Ok(Self::BASELINE)
+    }
+
+    /// Runs `body` in code compiled for these registers.
+    #[inline(always)]
+    pub(crate) fn run<R>(self, body: impl FnOnce() -> R) -> R {
+        match self.0 {
+            Width::Baseline => body(),
+            #[cfg(target_arch = "x86_64")]
+            // SAFETY: `for_level` found AVX2 supported before it made this value.
+            Width::Avx2 => unsafe { avx2(body) },
+            #[cfg(target_arch = "x86_64")]
+            // SAFETY: `for_level` found AVX-512 F, BW and VL supported before it made this value.
+            Width::Avx512 => unsafe { avx512(body) },
+        }
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2")]
+fn avx2<R>(body: impl FnOnce() -> R) -> R {
+    body()
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx512f,avx512bw,avx512vl")]
+fn avx512<R>(body: impl FnOnce() -> R) -> R {
+    body()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::vec::Vec;
+
+    /// A multiplication and an addition that a contraction would round differently.
+    #[test]
+    fn every_level_gives_the_same_bits() {
+        let a: Vec<f32> = (0..1000).map(|i| 1.0 + (i * 7919 % 1009) as f32 * 1.1e-4).collect();
+        let sums = |simd: Simd| {
+            simd.run(
+                #[inline(always)]
+                || {
+                    let mut out = [0.0_f32; 1000];
+                    for (i, (out, a)) in out.iter_mut().zip(&a).enumerate() {
+                        *out = a * a - 1.0 / (i as f32 + a);
+                    }
+                    out.map(f32::to_bits)
+                },
+            )
+        };
+        let baseline = sums(Simd::BASELINE);
+        let mut checked = 0;
+        for level in Level::ALL {
+            match Simd::for_level(level) {
+                Ok(simd) => {
+                    assert_eq!(sums(simd), baseline, "{}", level.name());
+                    checked += 1;
+                }
+                Err(error) => assert_eq!(error, Error::LevelUnsupported { level }),
+            }
+        }
+        assert!(checked > 0 && Simd::for_level(Level::Scalar) == Ok(Simd::BASELINE));
+    }
+}
