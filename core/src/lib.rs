@@ -26,6 +26,7 @@ mod error;
 pub mod exec;
 pub mod frame;
 pub mod kernels;
+mod lanes;
 pub mod maps;
 pub mod math;
 pub mod net;

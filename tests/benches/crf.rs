@@ -101,16 +101,16 @@ fn light_scale(bencher: Bencher<'_, '_>, level: &str) {
     brdf::render(&maps(&scene), 0.05, &brdf::Scene::flash(FOV, 1.0), &exec, &mut out).expect("rendered");
     bencher
         .counter(ItemsCount::new(SIZE * SIZE))
-        .bench_local(|| search::light_scale(&scene.photo(), &out).expect("usable"));
+        .bench_local(|| search::light_scale(&scene.photo(), &out, &exec).expect("usable"));
 }
 
 #[divan::bench(args = levels())]
 fn residual(bencher: Bencher<'_, '_>, level: &str) {
-    let (scene, _exec) = (Scene::tiles(SIZE, 81), at(level));
+    let (scene, exec) = (Scene::tiles(SIZE, 81), at(level));
     let render: Vec<f32> = scene.albedo.iter().map(|a| 0.9 * a).collect();
     bencher
         .counter(ItemsCount::new(SIZE * SIZE))
-        .bench_local(|| search::residual(&scene.photo(), &render).expect("planes"));
+        .bench_local(|| search::residual(&scene.photo(), &render, &exec).expect("planes"));
 }
 
 #[divan::bench(args = levels())]

@@ -90,7 +90,13 @@ impl Scene {
     /// The photo.
     #[must_use]
     pub fn photo(&self) -> LinearImage<'_> {
-        LinearImage { size: self.size, rgb: &self.photo, clipped: &self.clipped, fov_deg: FOV }
+        LinearImage {
+            size: self.size,
+            rgb: &self.photo,
+            clipped: &self.clipped,
+            fov_deg: FOV,
+            light_scale: None,
+        }
     }
 
     /// Inputs of the albedo's CRF.

@@ -3,7 +3,7 @@
 //! The appendix does not number its equations; here (1) is the whole model, (2) D, (3) alpha, (4) F, (5) G, (6) k,
 //! (7) and (8) G1 of v and l, (9) and (10) F0 of dielectrics and conductors. Slips corrected: (8) has n.v in its
 //! denominator where n.l belongs; (10) is upside down.
-use crate::math::exp2f;
+use crate::math::approx::exp2;
 use core::f32::consts::PI;
 
 /// Smallest alpha: below it (r < 0.0316) the lobe is sharper than any pixel, and D would leave f32's good range.
@@ -11,7 +11,7 @@ pub const MIN_ALPHA: f32 = 1e-3;
 
 /// Eq. (3): alpha = r², clamped to [[`MIN_ALPHA`], 1].
 #[must_use]
-#[inline]
+#[inline(always)]
 pub fn alpha(roughness: f32) -> f32 {
     (roughness * roughness).clamp(MIN_ALPHA, 1.0)
 }
@@ -21,7 +21,7 @@ pub fn alpha(roughness: f32) -> f32 {
 /// Takes both cos² and sin² of the angle between n and h and uses the equal form sin² + cos² alpha²: next to the
 /// peak, 1 - cos² has no digits left.
 #[must_use]
-#[inline]
+#[inline(always)]
 pub fn distribution(cos2: f32, sin2: f32, alpha: f32) -> f32 {
     let alpha2 = alpha * alpha;
     let root = sin2 + cos2 * alpha2;
@@ -30,21 +30,21 @@ pub fn distribution(cos2: f32, sin2: f32, alpha: f32) -> f32 {
 
 /// Eq. (4): F = F0 + (1 - F0) 2^((-5.55473 v.h - 6.98316) v.h), the Gaussian form of Schlick's Fresnel term.
 #[must_use]
-#[inline]
+#[inline(always)]
 pub fn fresnel(v_dot_h: f32, f0: f32) -> f32 {
-    f0 + (1.0 - f0) * exp2f((-5.55473 * v_dot_h - 6.98316) * v_dot_h)
+    f0 + (1.0 - f0) * exp2((-5.55473 * v_dot_h - 6.98316) * v_dot_h)
 }
 
 /// Eq. (6): k = (r + 1)² / 8.
 #[must_use]
-#[inline]
+#[inline(always)]
 pub fn k(roughness: f32) -> f32 {
     (roughness + 1.0) * (roughness + 1.0) / 8.0
 }
 
 /// Eq. (7) and (8): G1 = n.x / (n.x (1 - k) + k), for x = v and x = l alike.
 #[must_use]
-#[inline]
+#[inline(always)]
 pub fn shadowing(n_dot_x: f32, k: f32) -> f32 {
     n_dot_x * visibility(n_dot_x, k)
 }
@@ -52,14 +52,14 @@ pub fn shadowing(n_dot_x: f32, k: f32) -> f32 {
 /// G1 / n.x: what is left of eq. (7) and (8) after the n.l and n.v below the whole model are cancelled; finite at
 /// grazing angles.
 #[must_use]
-#[inline]
+#[inline(always)]
 pub fn visibility(n_dot_x: f32, k: f32) -> f32 {
     1.0 / (n_dot_x * (1.0 - k) + k)
 }
 
 /// Eq. (5): G = G1(v) G1(l).
 #[must_use]
-#[inline]
+#[inline(always)]
 pub fn geometry(n_dot_l: f32, n_dot_v: f32, roughness: f32) -> f32 {
     let k = k(roughness);
     shadowing(n_dot_v, k) * shadowing(n_dot_l, k)

@@ -10,9 +10,10 @@
 pub mod ggx;
 mod render;
 
-pub(crate) use render::{Incident, row_of, vectors};
+pub(crate) use render::Incident;
 pub use render::{Light, Scene, render};
 
+use crate::math::approx::rsqrt;
 use core::f32::consts::PI;
 use glam::Vec3;
 
@@ -78,20 +79,25 @@ impl Angles {
     #[must_use]
     #[inline]
     pub fn of(normal: Vec3, light: Vec3, view: Vec3) -> Option<Self> {
+        let (angles, lit) = Self::anyhow(normal, light, view);
+        lit.then_some(angles)
+    }
+
+    /// The angles, and whether they mean anything: without a branch, for loops over lanes.
+    #[inline(always)]
+    pub(crate) fn anyhow(normal: Vec3, light: Vec3, view: Vec3) -> (Self, bool) {
         let (n_dot_l, n_dot_v) = (normal.dot(light), normal.dot(view));
-        if !(n_dot_l > 0.0 && n_dot_v > 0.0) {
-            return None;
-        }
         let sum = light + view;
-        let half = sum / sum.length();
+        let half = sum * rsqrt(sum.length_squared());
         let n_dot_h = normal.dot(half);
         let sin2 = normal.cross(half).length_squared();
-        Some(Self { n_dot_l, n_dot_v, v_dot_h: view.dot(half), cos2: n_dot_h * n_dot_h, sin2 })
+        let angles = Self { n_dot_l, n_dot_v, v_dot_h: view.dot(half), cos2: n_dot_h * n_dot_h, sin2 };
+        (angles, (n_dot_l > 0.0) & (n_dot_v > 0.0))
     }
 
     /// D F G / (4 (n.l) (n.v)), in 1/sr, with n.l and n.v cancelled so that grazing angles stay finite.
     #[must_use]
-    #[inline]
+    #[inline(always)]
     pub fn specular(&self, roughness: f32, f0: f32) -> f32 {
         let k = ggx::k(roughness);
         let visibility = ggx::visibility(self.n_dot_l, k) * ggx::visibility(self.n_dot_v, k);

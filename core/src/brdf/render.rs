@@ -7,7 +7,9 @@ use super::Angles;
 use crate::Error;
 use crate::exec::{Executor, ROWS_PER_BLOCK, for_each_row_block, planes3};
 use crate::frame::geometry::Geometry;
+use crate::lanes::{LANES, Lanes, load, load3, store};
 use crate::maps::{Maps, check_planes, plane_row};
+use crate::math::approx::rsqrt;
 use core::f32::consts::PI;
 use glam::Vec3;
 
@@ -62,13 +64,13 @@ pub(crate) struct Incident {
 }
 
 impl Incident {
-    #[inline]
+    #[inline(always)]
     pub(crate) fn at(point: Vec3, light: &Light) -> Self {
         let (to_light, to_camera) = (light.position - point, Vec3::Z - point);
         let dist2 = to_light.length_squared();
         Self {
-            light: to_light / to_light.length(),
-            view: to_camera / to_camera.length(),
+            light: to_light * rsqrt(dist2),
+            view: to_camera * rsqrt(to_camera.length_squared()),
             irradiance: PI * light.strength / dist2,
         }
     }
@@ -92,42 +94,43 @@ pub fn render(
     check_planes(n, 3, out.len())?;
     let geometry = Geometry::new(n, scene.fov_deg);
     for_each_row_block(exec, n, ROWS_PER_BLOCK, planes3(out, n, n), &|range, [mut r, mut g, mut b]| {
-        for (row, ((r, g), b)) in range.zip(r.rows().zip(g.rows()).zip(b.rows())) {
-            let material = row_of(maps.albedo, maps.normal, n, row);
-            let rough = plane_row(maps.roughness, n, row);
-            let out = r.iter_mut().zip(g).zip(b);
-            for (column, (((albedo, normal), &roughness), ((r, g), b))) in
-                material.zip(rough).zip(out).enumerate()
-            {
-                let at = Incident::at(geometry.point(row, column), &scene.light);
-                let radiance = match Angles::of(normal, at.light, at.view) {
-                    Some(angles) => {
-                        let specular = angles.specular(roughness, f0);
-                        (albedo / PI + Vec3::splat(specular)) * (angles.n_dot_l * at.irradiance)
+        exec.simd().run(
+            #[inline(always)]
+            || {
+                for (row, ((r, g), b)) in range.zip(r.rows().zip(g.rows()).zip(b.rows())) {
+                    for start in (0..n).step_by(LANES) {
+                        let [red, green, blue] = run(maps, f0, &geometry, &scene.light, row, start);
+                        store(&red, r, start);
+                        store(&green, g, start);
+                        store(&blue, b, start);
                     }
-                    None => Vec3::ZERO,
-                };
-                [*r, *g, *b] = radiance.to_array();
-            }
-        }
+                }
+            },
+        );
     });
     Ok(())
 }
 
-/// Albedo and normal along a row, pixel by pixel.
-pub(crate) fn row_of<'a>(
-    albedo: &'a [f32],
-    normal: &'a [f32],
-    n: usize,
-    row: usize,
-) -> impl Iterator<Item = (Vec3, Vec3)> + 'a {
-    vectors(albedo, n, row).zip(vectors(normal, n, row))
-}
-
-/// A row of three planes, pixel by pixel.
-pub(crate) fn vectors(planes: &[f32], n: usize, row: usize) -> impl Iterator<Item = Vec3> + '_ {
-    let plane = |p: usize| plane_row(planes, n, p * n + row);
-    plane(0).iter().zip(plane(1)).zip(plane(2)).map(|((&x, &y), &z)| Vec3::new(x, y, z))
+/// The radiance of a run of pixels.
+#[inline(always)]
+fn run(maps: &Maps<'_>, f0: f32, geometry: &Geometry, light: &Light, row: usize, start: usize) -> [Lanes; 3] {
+    let n = maps.size;
+    let albedo = load3(maps.albedo, n, row, start);
+    let normal = load3(maps.normal, n, row, start);
+    let roughness = load(plane_row(maps.roughness, n, row), start);
+    let mut out = [[0.0; LANES]; 3];
+    for i in 0..LANES {
+        let at = Incident::at(geometry.point(row, start + i), light);
+        let normal = Vec3::new(normal[0][i], normal[1][i], normal[2][i]);
+        let (angles, lit) = Angles::anyhow(normal, at.light, at.view);
+        let specular = angles.specular(roughness[i], f0);
+        let factor = angles.n_dot_l * at.irradiance;
+        for c in 0..3 {
+            let radiance = (albedo[c][i] * (1.0 / PI) + specular) * factor;
+            out[c][i] = if lit { radiance } else { 0.0 };
+        }
+    }
+    out
 }
 
 #[cfg(test)]

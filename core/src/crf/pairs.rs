@@ -15,6 +15,7 @@ use super::pattern::{Offset, Pattern};
 use crate::Error;
 use crate::arena::{Arena, bytes_for};
 use crate::exec::{Executor, Plane, ROWS_PER_BLOCK, for_each_row_block};
+use crate::kernels::prefetch;
 use crate::math::sqrtf;
 use core::ops::Range;
 
@@ -205,7 +206,9 @@ impl<'a> Pairs<'a> {
                                     return;
                                 };
                                 let row = row.get_mut(line.columns.clone()).unwrap_or(&mut []);
-                                row.iter_mut().zip(weights).for_each(|(sum, &w)| *sum += decode(w));
+                                for (sum, &w) in row.iter_mut().zip(weights) {
+                                    *sum += decode(w);
+                                }
                             },
                         );
                     }
@@ -233,6 +236,7 @@ impl<'a> Pairs<'a> {
         out: [&mut [f32]; C],
     ) {
         let size = self.shape.size;
+        let row_len = self.shape.row_len() as isize;
         let mut out = out;
         let mut start = 0;
         while start < size {
@@ -241,12 +245,16 @@ impl<'a> Pairs<'a> {
             let mut sum = Aligned([[0.0_f32; T]; C]);
             for (own, plane) in own.0.iter_mut().zip(&x) {
                 let row = plane.get(y * size + start..y * size + start + len).unwrap_or(&[]);
-                own.iter_mut().zip(row).for_each(|(own, &value)| *own = value);
+                own.get_mut(..row.len()).unwrap_or(&mut []).copy_from_slice(row);
             }
             self.shape.for_each_line(
                 y,
                 #[inline(always)]
                 |line, _| {
+                    if line.forward && start == 0 {
+                        // The next row's, which nothing has read for a whole step.
+                        prefetch(part(self.weights, line.weights + row_len, 0..size).unwrap_or(&[]));
+                    }
                     let (from, to) = (line.columns.start.max(start), line.columns.end.min(start + len));
                     let Some(weights) = line.weights(self.weights, from..to) else { return };
                     let others = x.map(|plane| line.others(plane, from..to).unwrap_or(&[]));
@@ -255,7 +263,9 @@ impl<'a> Pairs<'a> {
             );
             for (row, sum) in out.iter_mut().zip(&sum.0) {
                 let row = row.get_mut(start..start + len).unwrap_or(&mut []);
-                row.iter_mut().zip(sum).for_each(|(out, &value)| *out += value);
+                for (out, &value) in row.iter_mut().zip(sum) {
+                    *out += value;
+                }
             }
             start += len;
         }
@@ -291,6 +301,7 @@ struct Line {
     /// Where the weight of column 0 is stored, and where its partner lies in a plane; may lie before the start.
     weights: isize,
     other: isize,
+    forward: bool,
 }
 
 /// The part of `values` that belongs to `columns`, column 0 being at `start`.
@@ -365,6 +376,7 @@ impl Shape {
             columns: 0..if row + 1 == n { n - right } else { n },
             weights: (self.pad + y * self.row_len() + k * n) as isize,
             other: (row * n) as isize + offset.dx as isize,
+            forward: true,
         })
     }
 
@@ -378,6 +390,7 @@ impl Shape {
             columns: if row == 0 { right } else { 0 }..n,
             weights: (self.pad + row * self.row_len() + k * n) as isize - offset.dx as isize,
             other: (row * n) as isize - offset.dx as isize,
+            forward: false,
         })
     }
 
@@ -447,7 +460,9 @@ fn affinity_row(features: &[f32], size: usize, line: &Line, y: usize, shift: u32
 #[inline(always)]
 fn add_squares(row: &mut [f32], columns: Range<usize>, codes: &[u16], shift: u32, weight: f32) {
     let row = row.get_mut(columns).unwrap_or(&mut []);
-    row.iter_mut().zip(codes).for_each(|(sum, &code)| *sum += weight * squared_code(code, shift));
+    for (sum, &code) in row.iter_mut().zip(codes) {
+        *sum += weight * squared_code(code, shift);
+    }
 }
 
 /// The weights of one kernel.

@@ -318,10 +318,14 @@ fn splat_row<const H: usize, const W: usize>(row: &[f32], out: &mut [f32]) {
         }
     }
     let inside = out.get_mut(first..last).unwrap_or(&mut []);
-    for (pixels, out) in row.get(H / 2..).unwrap_or(&[]).windows(W).step_by(H).zip(inside) {
+    let (pixels, _) = row.get(H / 2..).unwrap_or(&[]).as_chunks::<H>();
+    for ((before, behind), out) in pixels.iter().zip(pixels.get(1..).unwrap_or(&[])).zip(inside) {
         let mut sum = 0.0;
-        for (weight, pixel) in tent.iter().zip(pixels) {
-            sum += weight * pixel;
+        for i in 0..H {
+            sum += tent[i] * before[i];
+        }
+        for i in 0..H {
+            sum += tent[H + i] * behind[i];
         }
         *out = sum;
     }
@@ -339,8 +343,15 @@ fn slice_row<const H: usize>(row: &[f32], out: &mut [f32]) {
         }
     }
     let (a, b) = (row.get(1..).unwrap_or(&[]), row.get(2..).unwrap_or(&[]));
-    for ((out, a), b) in rest.chunks_mut(H).zip(a).zip(b) {
-        for (out, second) in out.iter_mut().zip(&up) {
+    let (whole, end) = rest.as_chunks_mut::<H>();
+    let (cells, last) = (whole.len(), [a.get(whole.len()), b.get(whole.len())]);
+    for ((out, a), b) in whole.iter_mut().zip(a.get(..cells).unwrap_or(&[])).zip(b) {
+        for i in 0..H {
+            out[i] = (1.0 - up[i]) * a + up[i] * b;
+        }
+    }
+    if let [Some(a), Some(b)] = last {
+        for (out, second) in end.iter_mut().zip(&up) {
             *out = (1.0 - second) * a + second * b;
         }
     }

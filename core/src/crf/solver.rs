@@ -168,7 +168,11 @@ fn difference(b: &[f32], q: &[f32], r: &mut [f32], size: usize, exec: &dyn Execu
         let (b, q) = (tail(b, rows.start * size), tail(q, rows.start * size));
         exec.simd().run(
             #[inline(always)]
-            || block.values().iter_mut().zip(b).zip(q).for_each(|((r, b), q)| *r = b - q),
+            || {
+                for ((r, b), q) in block.values().iter_mut().zip(b).zip(q) {
+                    *r = b - q;
+                }
+            },
         );
     });
 }
@@ -181,8 +185,12 @@ fn advance(step: f32, p: &[f32], q: &[f32], x: &mut [f32], r: &mut [f32], size: 
         exec.simd().run(
             #[inline(always)]
             || {
-                x.values().iter_mut().zip(p).for_each(|(x, p)| *x += step * p);
-                r.values().iter_mut().zip(q).for_each(|(r, q)| *r -= step * q);
+                for (x, p) in x.values().iter_mut().zip(p) {
+                    *x += step * p;
+                }
+                for (r, q) in r.values().iter_mut().zip(q) {
+                    *r -= step * q;
+                }
             },
         );
     });
@@ -234,7 +242,13 @@ fn rows_sum(
         let part = |plane| tail(plane, rows.start * width).chunks(width).take(rows.len());
         exec.simd().run(
             #[inline(always)]
-            || [part(a).zip(part(b)).map(|(a, b)| f64::from(row_sum(a, b, &term))).sum()],
+            || {
+                let mut sum = 0.0;
+                for (a, b) in part(a).zip(part(b)) {
+                    sum += f64::from(row_sum(a, b, &term));
+                }
+                [sum]
+            },
         )
     });
     sum

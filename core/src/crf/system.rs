@@ -130,7 +130,9 @@ impl Operator for System<'_> {
                             [first, second.next().unwrap_or(&mut []), third.next().unwrap_or(&mut [])];
                         for (out, plane) in three.iter_mut().zip(&planes) {
                             let row = tail(plane, y * size).iter().zip(tail(unary, y * size));
-                            out.iter_mut().zip(row).for_each(|(out, (x, a))| *out = a * x);
+                            for (out, (x, a)) in out.iter_mut().zip(row) {
+                                *out = a * x;
+                            }
                         }
                         let Some(pairs) = pairs else { continue };
                         let [first, second, third] = three;

@@ -25,15 +25,17 @@ impl Geometry {
 
     /// Position p in [-1,1]² of a pixel's centre, x right, y up.
     #[must_use]
-    #[inline]
+    #[inline(always)]
     pub fn position(&self, row: usize, column: usize) -> Vec2 {
         let n = self.size as f32;
-        Vec2::new((2 * column + 1) as f32 / n - 1.0, 1.0 - (2 * row + 1) as f32 / n)
+        // Vectors convert i32 fast, usize not.
+        let centre = |i: usize| (2 * i as i32 + 1) as f32;
+        Vec2::new(centre(column) / n - 1.0, 1.0 - centre(row) / n)
     }
 
     /// The point of the plane z = 0 that a pixel's centre shows.
     #[must_use]
-    #[inline]
+    #[inline(always)]
     pub fn point(&self, row: usize, column: usize) -> Vec3 {
         (self.position(row, column) * self.half_tan).extend(0.0)
     }

@@ -24,6 +24,7 @@ use crate::Error;
 use crate::net::quant::Range;
 pub use level::Level;
 pub use simd::Simd;
+pub(crate) use simd::prefetch;
 
 /// Every level that has kernels on this architecture: dispatch, tests and benches all read this list.
 pub static ALL: &[&Kernels] = &[

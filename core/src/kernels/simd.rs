@@ -62,6 +62,25 @@ impl Simd {
     }
 }
 
+/// Asks for `values` to be brought near the core, where the architecture has an instruction for it.
+#[inline(always)]
+pub(crate) fn prefetch<T>(values: &[T]) {
+    #[cfg(target_arch = "x86_64")]
+    {
+        use core::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
+        for line in values.chunks((LINE / size_of::<T>().max(1)).max(1)) {
+            // SAFETY: every x86-64 CPU has the instruction (SSE), and it reads nothing: any address will do.
+            unsafe { _mm_prefetch::<_MM_HINT_T0>(line.as_ptr().cast()) };
+        }
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    let _ = values;
+}
+
+/// Bytes of a cache line.
+#[cfg(target_arch = "x86_64")]
+const LINE: usize = 64;
+
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2")]
 fn avx2<R>(body: impl FnOnce() -> R) -> R {

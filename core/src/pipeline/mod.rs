@@ -200,7 +200,7 @@ pub fn run<'a>(
     let mut arena = Arena::new(workspace);
     let photo = staged(observer, Stage::Frame, |_| {
         let photo = frame::prepare(frame, size, &options.fov, exec, &mut arena)?;
-        search::check_exposure(&photo)?;
+        search::check_exposure(&photo, exec)?;
         Ok(LinearImage { light_scale: options.light_scale, ..photo })
     })?;
     let run = stages::Run { photo, options, exec };
@@ -218,7 +218,7 @@ pub fn run<'a>(
     Ok(Capture {
         maps,
         photo,
-        residual: search::residual(&photo, render)?,
+        residual: search::residual(&photo, render, exec)?,
         render,
         observability,
         class: options.class.unwrap_or_else(|| classification.predicted.best()),
@@ -255,7 +255,7 @@ fn relight(
 ) -> Result<f32, Error> {
     let scene = Scene { fov_deg: photo.fov_deg, light: Light::default() };
     brdf::render(maps, f0, &scene, exec, render)?;
-    let scale = search::light_scale(photo, render)?;
+    let scale = search::light_scale(photo, render, exec)?;
     render.iter_mut().for_each(|value| *value *= scale);
     Ok(scale)
 }

@@ -1,4 +1,7 @@
-//! Transcendental functions, from `libm` in every build, so that `std` and `no_std` give the same bits.
+//! Transcendental functions, from `libm` in every build, so that `std` and `no_std` give the same bits; in loops
+//! that are to vectorise, from [`approx`], whose errors are stated.
+pub mod approx;
+
 pub use libm::{
     atan2f, atanf, ceilf, cosf, exp2f, expf, fabsf, floorf, log2f, logf, powf, rintf, sinf, sqrtf, tanf,
     tanhf,
