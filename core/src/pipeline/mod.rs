@@ -7,7 +7,7 @@ mod stages;
 
 use crate::arena::{Arena, bytes_for};
 use crate::brdf::{self, Light, Scene};
-use crate::crf;
+use crate::crf::{self, Albedo, Normal, Roughness};
 use crate::exec::{At, Executor};
 use crate::frame::{self, FieldOfView, Frame, LinearImage};
 use crate::kernels::{Kernels, Simd};
@@ -165,19 +165,26 @@ impl<'m> Pipeline<'m> {
 /// Known light scales that a capture takes.
 const LIGHT_SCALES: core::ops::RangeInclusive<f32> = 1e-3..=1e3;
 
-/// Planes of f32 that live through a whole run, beside the photo's: two sets of maps, the re-render, the search's
-/// roughness and observability.
-const PLANES: usize = 7 + 7 + 3 + 1 + 1;
-
 /// Bytes of workspace that [`run`] needs with `engine`.
 #[must_use]
 pub fn workspace_bytes(engine: &dyn Engine) -> usize {
     let size = engine.size();
-    let plane = size.saturating_mul(size);
-    let kept = frame::prepare_bytes(size)
-        .saturating_add(bytes_for::<f32>(plane).saturating_mul(PLANES))
-        .saturating_add(crate::arena::ALIGN);
-    kept.saturating_add(engine.workspace_bytes().max(crf::max_workspace_bytes(size)))
+    let plane = bytes_for::<f32>(size.saturating_mul(size));
+    // What lies there when a stage runs, in planes beside the photo's, and what the stage itself takes: the first maps
+    // are 7 planes, refined albedo and normals 3 each, the search's roughness and observability 1 each, the refined
+    // roughness 1, a render 3.
+    let stages = [
+        (7, engine.workspace_bytes()),
+        (7 + 3, crf::workspace_bytes::<Albedo<'_>, 5>(size)),
+        (7 + 6, crf::workspace_bytes::<Normal<'_>, 3>(size)),
+        (7 + 6 + 2, plane.saturating_mul(3)),
+        (7 + 6 + 3, crf::workspace_bytes::<Roughness<'_>, 4>(size)),
+        (7 + 6 + 3, plane.saturating_mul(3)),
+    ];
+    let needed = stages.map(|(planes, more)| plane.saturating_mul(planes).saturating_add(more));
+    frame::prepare_bytes(size)
+        .saturating_add(needed.into_iter().max().unwrap_or(0))
+        .saturating_add(crate::arena::ALIGN)
 }
 
 /// One photo through all stages with any engine; the capture lies in `workspace`.

@@ -242,7 +242,8 @@ fn alpha2(roughness: f32) -> f32 {
 mod tests {
     use super::*;
     use crate::brdf::{Sample, render};
-    use crate::exec::Inline;
+    use crate::exec::{At, Inline};
+    use crate::kernels::{Level, Simd};
     use crate::maps::Maps;
     use std::vec;
     use std::vec::Vec;
@@ -371,6 +372,28 @@ mod tests {
         s.photo.fill(f32::NAN);
         let (found, seen) = s.search(f32::NAN, 1.0, &Inline);
         assert!(found.iter().all(|r| r.is_finite()) && seen.iter().all(|&o| o == 0.0));
+    }
+
+    #[test]
+    fn the_cpu_level_does_not_change_a_bit() {
+        for n in [45, 128, 200] {
+            let s = scenery(n, 0.05, 0.9);
+            let render = s.render(0.3);
+            let all = |exec: &dyn Executor| {
+                let scale = light_scale(&s.photo(), &render, exec).expect("usable");
+                let residual = residual(&s.photo(), &render, exec).expect("planes");
+                let (found, seen) = s.search(0.05, 0.9, exec);
+                let mut again = vec![0.0; render.len()];
+                let maps = Maps { size: n, albedo: &s.albedo, normal: &s.normal, roughness: &s.roughness };
+                crate::brdf::render(&maps, 0.3, &Scene::flash(FOV, 1.0), exec, &mut again).expect("scene");
+                let values = [scale, residual].into_iter().chain(found).chain(seen).chain(again);
+                values.map(f32::to_bits).collect::<Vec<u32>>()
+            };
+            let baseline = all(&Inline);
+            for simd in Level::ALL.into_iter().filter_map(|level| Simd::for_level(level).ok()) {
+                assert!(all(&At::new(&Inline, simd)) == baseline, "{simd:?} {n}");
+            }
+        }
     }
 
     #[cfg(feature = "parallel")]

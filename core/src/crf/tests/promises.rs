@@ -7,7 +7,8 @@ use super::super::{Albedo, Coefficients, Energy, Options, Report, max_workspace_
 use super::{Random, Scene, workspace};
 use crate::Error;
 use crate::arena::Arena;
-use crate::exec::Inline;
+use crate::exec::{At, Inline};
+use crate::kernels::{Level, Simd};
 use proptest::prelude::*;
 use std::vec;
 use std::vec::Vec;
@@ -151,6 +152,33 @@ fn a_sampled_graph_is_symmetric_with_zero_row_sums() {
         let sum: f64 = column.iter().map(|&v| f64::from(v)).sum();
         assert!(sum.abs() < 1e-6);
         assert!(column.iter().enumerate().all(|(j, &v)| v == a[j][i] && (i == j || v <= 0.0)));
+    }
+}
+
+/// Sizes below, at and between the runs that the loops are cut into.
+#[test]
+fn the_cpu_level_does_not_change_a_bit() {
+    for size in [40, 100, 128, 256] {
+        let scene = Scene::tiles(size, 50);
+        let (reference, report) = run(&scene.albedo(), &[0.3, 0.02, 0.2, 0.4, 0.3]);
+        let (rough, rough_report) = run(&scene.roughness(), &[0.5, 0.3, 0.2, 0.4]);
+        for simd in Level::ALL.into_iter().filter_map(|level| Simd::for_level(level).ok()) {
+            let exec = At::new(&Inline, simd);
+            let mut bytes = workspace::<Albedo<'_>, 5>(size);
+            let mut out = scene.albedo.clone();
+            let mut arena = Arena::new(&mut bytes);
+            let coefficients = [0.3, 0.02, 0.2, 0.4, 0.3];
+            let again =
+                refine(&scene.albedo(), &coefficients, &Options::default(), &mut out, &exec, &mut arena);
+            assert_eq!(again, Ok(report), "{simd:?} {size}");
+            assert_eq!(bits(&out), bits(&reference), "{simd:?} {size}");
+            let mut out = scene.roughness.clone();
+            let coefficients = [0.5, 0.3, 0.2, 0.4];
+            let again =
+                refine(&scene.roughness(), &coefficients, &Options::default(), &mut out, &exec, &mut arena);
+            assert_eq!(again, Ok(rough_report), "{simd:?} {size}");
+            assert_eq!(bits(&out), bits(&rough), "{simd:?} {size}");
+        }
     }
 }
 
