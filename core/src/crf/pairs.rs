@@ -398,10 +398,11 @@ impl Shape {
     #[inline(always)]
     fn for_each_line(&self, y: usize, mut visit: impl FnMut(&Line, &Offset)) {
         for (k, offset) in self.pattern.iter().enumerate() {
-            for line in [self.forward(k, offset, y), self.backward(k, offset, y)] {
-                if let Some(line) = line {
-                    visit(&line, offset);
-                }
+            if let Some(line) = self.forward(k, offset, y) {
+                visit(&line, offset);
+            }
+            if let Some(line) = self.backward(k, offset, y) {
+                visit(&line, offset);
             }
         }
     }

@@ -5,8 +5,8 @@
 //! design, with tiles and instructions per level, is in `README.md` beside this file.
 //!
 //! A level is chosen once, with [`Kernels::for_level`]; there are no globals. Only this folder has `unsafe`, and only
-//! for vector loads and stores, whose bounds [`Block::new`] has checked, and for vector instructions that have no stable
-//! intrinsic.
+//! for vector loads and stores, whose bounds [`Block::new`] has checked, for vector instructions that have no stable
+//! intrinsic, and for code compiled for a level ([`Simd`]).
 #[cfg(all(target_arch = "aarch64", target_feature = "neon", target_endian = "little"))]
 mod aarch64;
 mod level;

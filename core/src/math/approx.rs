@@ -103,7 +103,7 @@ mod tests {
             let exact = libm::log2(f64::from(x));
             (f64::from(log2(x)) - exact).abs() / exact.abs().max(1.0)
         };
-        let powers = range(-126.0, 127.9).map(|e| libm::exp2f(e));
+        let powers = range(-126.0, 127.9).map(libm::exp2f);
         let found = worst(range(0.5, 2.0).chain(range(1e-6, 1.0)).chain(powers), error);
         assert!(found < 3e-7, "{found:e}");
         assert_eq!((log2(1.0), log2(8.0), log2(0.0), log2(-1.0)), (0.0, 3.0, -126.0, -126.0));
@@ -111,7 +111,7 @@ mod tests {
 
     #[test]
     fn roots() {
-        let values = || range(1e-6, 4.0).chain(range(-100.0, 100.0).map(|e| libm::exp2f(e)));
+        let values = || range(1e-6, 4.0).chain(range(-100.0, 100.0).map(libm::exp2f));
         let inverse = worst(values(), |x| (f64::from(rsqrt(x)) * libm::sqrt(f64::from(x)) - 1.0).abs());
         let root = worst(values(), |x| (f64::from(sqrt(x)) / libm::sqrt(f64::from(x)) - 1.0).abs());
         assert!(inverse < 3e-7 && root < 4e-7, "{inverse:e} {root:e}");

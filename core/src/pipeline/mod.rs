@@ -190,8 +190,9 @@ pub fn workspace_bytes(engine: &dyn Engine) -> usize {
 /// One photo through all stages with any engine; the capture lies in `workspace`.
 ///
 /// # Errors
-/// [`Error::Cancelled`] when the observer says so, [`Error::LightScale`], [`Error::WorkspaceTooSmall`], [`Error::NoUsablePixels`] when the
-/// photo is clipped all over, [`Error::PhotoBlack`], and what the stages say of wrong sizes.
+/// [`Error::Cancelled`] when the observer says so, [`Error::LightScale`], [`Error::WorkspaceTooSmall`],
+/// [`Error::NoUsablePixels`] when the photo is clipped all over, [`Error::PhotoBlack`], and what the stages say of wrong
+/// sizes.
 pub fn run<'a>(
     engine: &dyn Engine,
     frame: &Frame<'_>,

@@ -180,8 +180,8 @@ impl Run {
         let step = 1.0 / (GRID as f32 * half);
         let at = |i: usize, g: usize| (best[i] + (g as f32 - half) * step).clamp(MIN_ROUGHNESS, 1.0);
         let mut found = [0.0; LANES];
-        for i in 0..LANES {
-            found[i] = at(i, 0);
+        for (i, found) in found.iter_mut().enumerate() {
+            *found = at(i, 0);
         }
         let mut least = [f32::INFINITY; LANES];
         for g in 0..GRID {
@@ -199,9 +199,10 @@ impl Run {
     #[inline(always)]
     fn observability(&self, errors: &mut [Lanes; GRID]) -> Lanes {
         let [mut scale, mut w, mut wr, mut spread] = [[0.0; LANES]; 4];
-        for i in 0..LANES {
-            let noise = 0.01 + 0.1 * (self.photo[0][i] + self.photo[1][i] + self.photo[2][i]) / 3.0;
-            scale[i] = 1.0 / (3.0 * noise * noise);
+        let [red, green, blue] = &self.photo;
+        for (scale, ((r, g), b)) in scale.iter_mut().zip(red.iter().zip(green).zip(blue)) {
+            let noise = 0.01 + 0.1 * (r + g + b) / 3.0;
+            *scale = 1.0 / (3.0 * noise * noise);
         }
         for (g, errors) in errors.iter_mut().enumerate() {
             let r = coarse_value(g);
