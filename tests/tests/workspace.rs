@@ -5,7 +5,8 @@ use flashmat_core::pipeline::Pipeline;
 
 #[test]
 fn a_capture_at_256_takes_at_most_16_mib() {
-    let file = std::fs::read(concat!(env!("CARGO_MANIFEST_DIR"), "/../models/phone.fmat")).expect("the model");
+    let file =
+        std::fs::read(concat!(env!("CARGO_MANIFEST_DIR"), "/../models/phone.fmat")).expect("the model");
     for kernels in ALL.iter().filter(|k| k.level().is_supported()) {
         let model = Model::from_bytes(&file).expect("a model");
         let bytes = Pipeline::new(model, 256, kernels).expect("a plan").workspace_bytes();
