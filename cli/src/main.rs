@@ -1,5 +1,6 @@
 //! Flashmat on the desktop: flash photos to relightable materials.
 mod commands;
+mod dataset;
 mod engine;
 mod failure;
 mod interrupt;
@@ -28,6 +29,8 @@ enum Command {
     Render(commands::render::RenderArgs),
     /// Errors over materials whose maps are known.
     Eval(commands::eval::EvalArgs),
+    /// The CRFs' coefficients, learned from materials whose maps are known.
+    LearnCrf(commands::learn_crf::LearnArgs),
     /// Layers, sizes, work, hash and card of a model.
     Model(commands::model::ModelArgs),
     /// How long the stages take.
@@ -40,6 +43,7 @@ fn main() -> ExitCode {
         Command::Capture(args) => commands::capture::run(&args),
         Command::Render(args) => commands::render::run(&args),
         Command::Eval(args) => commands::eval::run(&args),
+        Command::LearnCrf(args) => commands::learn_crf::run(&args),
         Command::Model(args) => commands::model::run(&args),
         Command::Bench(args) => commands::bench::run(&args),
     };

@@ -40,7 +40,11 @@ fn find(folder: &Path, name: &str) -> Result<PathBuf, Failure> {
 }
 
 /// The central square of a picture as 3 planes, averaged to `size` a side in linear values.
-fn planes(picture: &Photo, encoding: Encoding, size: usize) -> Result<Vec<f32>, flashmat_core::Error> {
+pub(crate) fn planes(
+    picture: &Photo,
+    encoding: Encoding,
+    size: usize,
+) -> Result<Vec<f32>, flashmat_core::Error> {
     let frame = picture.frame(encoding)?;
     let mut bytes = vec![0_u8; frame::prepare_bytes(size)];
     let image = frame::prepare(&frame, size, &FieldOfView::default(), &Inline, &mut Arena::new(&mut bytes))?;

@@ -7,6 +7,10 @@ use glam::Vec3;
 pub(crate) struct MapErrors {
     /// Mean squared error over pixels and channels, linear albedo in [0,1].
     pub(crate) albedo: f64,
+    /// The same after the one factor on the guess that makes it least: no photo tells its exposure.
+    pub(crate) albedo_scaled: f64,
+    /// The same after both albedos were scaled to a mean pixel norm of 0.5 (the paper's Albedo-N).
+    pub(crate) albedo_normalised: f64,
     /// Mean squared error over pixels and channels of unit vectors.
     pub(crate) normal: f64,
     /// Mean squared error over pixels, roughness in [0,1].
@@ -20,6 +24,8 @@ impl MapErrors {
     pub(crate) fn between(truth: &OwnedMaps, guess: &OwnedMaps) -> Self {
         Self {
             albedo: mean_square(&truth.albedo, &guess.albedo),
+            albedo_scaled: mean_square(&truth.albedo, &scaled(&guess.albedo, best_scale(truth, guess))),
+            albedo_normalised: mean_square(&normalised(&truth.albedo), &normalised(&guess.albedo)),
             normal: mean_square(&truth.normal, &guess.normal),
             roughness: mean_square(&truth.roughness, &guess.roughness),
             angle_deg: mean(vectors(&truth.normal).zip(vectors(&guess.normal)).map(|(a, b)| {
@@ -38,6 +44,26 @@ impl MapErrors {
 
 fn mean_square(a: &[f32], b: &[f32]) -> f64 {
     mean(a.iter().zip(b).map(|(a, b)| f64::from(a - b).powi(2)))
+}
+
+/// The factor on the guess's albedo that makes its squared error least.
+fn best_scale(truth: &OwnedMaps, guess: &OwnedMaps) -> f64 {
+    let (mut gt, mut gg) = (0.0_f64, 0.0_f64);
+    for (t, g) in truth.albedo.iter().zip(&guess.albedo) {
+        gt += f64::from(*t) * f64::from(*g);
+        gg += f64::from(*g) * f64::from(*g);
+    }
+    if gg > 0.0 { gt / gg } else { 1.0 }
+}
+
+fn scaled(values: &[f32], factor: f64) -> Vec<f32> {
+    values.iter().map(|&v| (f64::from(v) * factor) as f32).collect()
+}
+
+/// Albedo planes scaled so that the mean over pixels of the colour's length is 0.5.
+fn normalised(albedo: &[f32]) -> Vec<f32> {
+    let norm = mean(vectors(albedo).map(|v| f64::from(v.length())));
+    scaled(albedo, if norm > 0.0 { 0.5 / norm } else { 1.0 })
 }
 
 fn vectors(planes: &[f32]) -> impl Iterator<Item = Vec3> + '_ {
@@ -77,6 +103,17 @@ mod tests {
         assert!((e.normal - 0.585_786 / 3.0).abs() < 1e-6);
         assert!((e.angle_deg - 45.0).abs() < 1e-4);
         assert_eq!(e.paper()[2], 1.0);
+        // s = (0.5 x 0.5 + 0.5 x 0.75) / (0.25 + 0.5625); lengths sqrt(0.75) and sqrt(0.8125).
+        let factor = 0.625 / 0.8125;
+        let rest = |x: f64| (0.5 - factor * x).powi(2);
+        assert!((e.albedo_scaled - (rest(0.5) + rest(0.75) + 0.25) / 3.0).abs() < 1e-7);
+        let (t, g) = (0.5 / 0.75_f64.sqrt(), 0.5 / 0.8125_f64.sqrt());
+        let squares = (0.5 * t - 0.5 * g).powi(2) + (0.5 * t - 0.75 * g).powi(2) + (0.5 * t).powi(2);
+        assert!((e.albedo_normalised - squares / 3.0).abs() < 1e-7);
         assert_eq!(MapErrors::between(&truth, &truth), MapErrors::default());
+        let mut dark = truth.clone();
+        dark.albedo.iter_mut().for_each(|v| *v *= 0.25);
+        let e = MapErrors::between(&truth, &dark);
+        assert!(e.albedo > 0.1 && e.albedo_scaled < 1e-12 && e.albedo_normalised < 1e-12);
     }
 }

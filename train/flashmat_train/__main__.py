@@ -15,6 +15,7 @@ STAGES = {
     "export-onnx": ("export_onnx", "make an ONNX file of the network"),
     "mitsuba-check": ("render.mitsuba_check", "compare the renderer with Mitsuba 3"),
     "testset": ("testset", "photos with known maps, rendered by Mitsuba 3"),
+    "sweep": ("sweep", "draw the errors against the environment's strength"),
     "golden": ("golden", "write small renders for the Rust renderer's tests"),
     "quant": ("quant", "what int8 costs, on the validation photos"),
     "export": ("export", "make the model file for the Rust engine"),

@@ -82,7 +82,7 @@ def panel(title: str, lines: list[tuple[Curve, tuple[int, int, int]]]) -> Image.
     log = ys.min() > 0 and ys.max() / ys.min() > 10
     low, high = (np.log10(ys.min()), np.log10(ys.max())) if log else (ys.min(), ys.max())
     pad = 0.05 * max(high - low, 1e-9)
-    low, high, last = low - pad, high + pad, max(xs.max(), 1)
+    low, high, last = low - pad, high + pad, float(xs.max()) or 1.0
 
     def at(x: float, y: float) -> tuple[float, float]:
         v = (np.log10(y) if log else y) - low
@@ -93,7 +93,7 @@ def panel(title: str, lines: list[tuple[Curve, tuple[int, int, int]]]) -> Image.
         pen.line((left, y, w - right, y), fill=(0xE8, 0xE8, 0xE8))
         pen.text((4, y - 6), f"{10**t if log else t:.3g}", fill="black")
     for t in (0.0, 0.5, 1.0):
-        pen.text((at(t * last, 10**low if log else low)[0] - 12 * t, h - bottom + 6), f"{t * last:.0f}", fill="black")
+        pen.text((at(t * last, 10**low if log else low)[0] - 12 * t, h - bottom + 6), f"{t * last:g}", fill="black")
     for (x, y), colour in lines:
         points = [at(a, b) for a, b in zip(x, y, strict=True) if np.isfinite(b)]
         if len(points) > 1:

@@ -2,6 +2,7 @@
 pub(crate) mod bench;
 pub(crate) mod capture;
 pub(crate) mod eval;
+pub(crate) mod learn_crf;
 pub(crate) mod model;
 pub(crate) mod render;
 mod workers;

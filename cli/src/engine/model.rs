@@ -45,6 +45,11 @@ impl ModelFile {
         Ok(Self { path: path.to_owned(), bytes: Cow::Owned(std::fs::read(path).map_err(reading)?) })
     }
 
+    /// The file as it is.
+    pub(crate) fn bytes(&self) -> &[u8] {
+        &self.bytes
+    }
+
     /// Checks the file.
     pub(crate) fn parse(&self) -> Result<Loaded<'_>, Failure> {
         let model = Model::from_bytes(&self.bytes).map_err(|error| match error {

@@ -1,0 +1,173 @@
+//! What the CRFs see of one photo: the network's maps, and what the refinement makes of them stage by stage.
+//!
+//! The same calls as the pipeline's stages (a test compares the bits), but with the results of each stage kept, so that
+//! coefficients can be learned one CRF after the other, as they run.
+use crate::dataset::{self, Item};
+use crate::engine::{Engine, light};
+use crate::failure::Failure;
+use crate::interrupt;
+use crate::material::OwnedMaps;
+use flashmat_core::arena::Arena;
+use flashmat_core::brdf::{self, Light};
+use flashmat_core::crf::{self, Albedo, Coefficients, Energy, Normal, Roughness};
+use flashmat_core::exec::Inline;
+use flashmat_core::frame::{self, FieldOfView, LinearImage};
+use flashmat_core::net::Class;
+use flashmat_core::{Error, search};
+use glam::Vec3;
+
+/// Coefficients of all classes.
+pub(super) type Sets = [Coefficients; Class::ALL.len()];
+
+/// The three CRFs in the order in which they run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Stage {
+    Albedo,
+    Normal,
+    Roughness,
+}
+
+impl Stage {
+    pub(super) const ALL: [Self; 3] = [Self::Albedo, Self::Normal, Self::Roughness];
+
+    pub(super) const fn name(self) -> &'static str {
+        match self {
+            Self::Albedo => "albedo",
+            Self::Normal => "normal",
+            Self::Roughness => "roughness",
+        }
+    }
+}
+
+/// One photo, its true maps, and what is known of it so far.
+pub(super) struct Sample {
+    pub(super) truth: OwnedMaps,
+    /// The network's maps.
+    pub(super) first: OwnedMaps,
+    /// What the classifier believes: the coefficients are mixed with it.
+    pub(super) probabilities: [f32; Class::ALL.len()],
+    photo: Vec<f32>,
+    clipped: Vec<u8>,
+    fov_deg: f32,
+    f0: f32,
+    /// Refined maps, the network's until [`Sample::advance`] has refined them.
+    pub(super) albedo: Vec<f32>,
+    pub(super) normal: Vec<f32>,
+    searched: Vec<f32>,
+    observability: Vec<f32>,
+}
+
+impl Sample {
+    /// Runs the network (`engine` must not refine) on the item's photo.
+    pub(super) fn new(engine: &mut Engine<'_>, item: &Item, size: usize) -> Result<Self, Failure> {
+        let failed = |e: Error| Failure::core(&item.folder, &e);
+        let shot = dataset::shot(item, size, None)?;
+        let found = engine.capture(&shot.photo, &mut |_, _| interrupt::flow()).map_err(failed)?;
+        let clipped = clipped(&shot.photo, size).map_err(failed)?;
+        Ok(Self {
+            truth: shot.truth,
+            probabilities: found.probabilities,
+            photo: found.photo,
+            clipped,
+            fov_deg: found.fov_deg,
+            f0: brdf::f0(found.probabilities.get(Class::Metal as usize).copied().unwrap_or(0.0)),
+            albedo: found.maps.albedo.clone(),
+            normal: found.maps.normal.clone(),
+            searched: Vec::new(),
+            observability: Vec::new(),
+            first: found.maps,
+        })
+    }
+
+    /// Bytes of workspace for any of the CRFs.
+    pub(super) fn workspace(size: usize) -> Vec<u8> {
+        vec![0; crf::max_workspace_bytes(size)]
+    }
+
+    pub(super) fn albedo_energy(&self) -> Albedo<'_> {
+        Albedo { size: self.truth.size, photo: &self.photo, albedo: &self.first.albedo }
+    }
+
+    pub(super) fn normal_energy(&self) -> Normal<'_> {
+        Normal { size: self.truth.size, normal: &self.first.normal, albedo: &self.albedo }
+    }
+
+    pub(super) fn roughness_energy(&self) -> Roughness<'_> {
+        Roughness {
+            size: self.truth.size,
+            photo: &self.photo,
+            albedo: &self.albedo,
+            network: &self.first.roughness,
+            search: &self.searched,
+            observability: Some(&self.observability),
+        }
+    }
+
+    /// The map of `stage`, refined with the mixture of `sets`.
+    pub(super) fn refined(&self, stage: Stage, sets: &Sets, workspace: &mut [u8]) -> Result<Vec<f32>, Error> {
+        let mixed = Coefficients::mixed(sets, &self.probabilities);
+        match stage {
+            Stage::Albedo => refine(&self.albedo_energy(), &mixed.albedo, workspace),
+            Stage::Normal => refine(&self.normal_energy(), &mixed.normal, workspace),
+            Stage::Roughness => refine(&self.roughness_energy(), &mixed.roughness, workspace),
+        }
+    }
+
+    /// Keeps the refined map of `stage` for the stages after it; after the normals the roughness is searched.
+    pub(super) fn advance(&mut self, stage: Stage, sets: &Sets, workspace: &mut [u8]) -> Result<(), Error> {
+        match stage {
+            Stage::Albedo => self.albedo = self.refined(stage, sets, workspace)?,
+            Stage::Normal => {
+                self.normal = self.refined(stage, sets, workspace)?;
+                self.search()?;
+            }
+            Stage::Roughness => {}
+        }
+        Ok(())
+    }
+
+    fn search(&mut self) -> Result<(), Error> {
+        let size = self.truth.size;
+        let maps = OwnedMaps {
+            size,
+            albedo: self.albedo.clone(),
+            normal: self.normal.clone(),
+            roughness: self.first.roughness.clone(),
+        };
+        let photo = LinearImage { size, rgb: &self.photo, clipped: &self.clipped, fov_deg: self.fov_deg };
+        let render = light::relight(&maps, self.f0, self.fov_deg, Vec3::Z, 1.0)?;
+        let strength = search::light_scale(&photo, &render)?;
+        let (mut roughness, mut observability) = (vec![0.0; size * size], vec![0.0; size * size]);
+        search::roughness(
+            &photo,
+            &self.albedo,
+            &self.normal,
+            self.f0,
+            &Light { strength, ..Light::default() },
+            &Inline,
+            &mut roughness,
+            &mut observability,
+        )?;
+        (self.searched, self.observability) = (roughness, observability);
+        Ok(())
+    }
+}
+
+/// 1 where a pixel of the photo, as the pipeline sees it, is clipped.
+fn clipped(photo: &crate::photo::Photo, size: usize) -> Result<Vec<u8>, Error> {
+    let frame = photo.frame(frame::Encoding::Srgb)?;
+    let mut bytes = vec![0_u8; frame::prepare_bytes(size)];
+    let image = frame::prepare(&frame, size, &FieldOfView::default(), &Inline, &mut Arena::new(&mut bytes))?;
+    Ok(image.clipped.to_vec())
+}
+
+fn refine<E: Energy<N>, const N: usize>(
+    energy: &E,
+    coefficients: &[f32; N],
+    workspace: &mut [u8],
+) -> Result<Vec<f32>, Error> {
+    let mut out = energy.unary(0).to_vec();
+    let options = crf::Options::default();
+    crf::refine(energy, coefficients, &options, &mut out, &Inline, &mut Arena::new(workspace))?;
+    Ok(out)
+}
