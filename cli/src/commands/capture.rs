@@ -113,7 +113,7 @@ fn degrees(text: &str) -> Result<f32, String> {
     text.parse().ok().filter(in_range).ok_or_else(|| "must be 1 to 170 degrees".to_owned())
 }
 
-fn light_scale(text: &str) -> Result<f32, String> {
+pub(crate) fn light_scale(text: &str) -> Result<f32, String> {
     let in_range = |s: &f32| (1e-3..=1e3).contains(s);
     text.parse().ok().filter(in_range).ok_or_else(|| "must be 0.001 to 1000".to_owned())
 }

@@ -7,7 +7,7 @@
 mod baselines;
 mod table;
 
-use super::capture::{RunArgs, map_size};
+use super::capture::{RunArgs, light_scale, map_size};
 use super::{complain, say, workers};
 use crate::dataset::{self, FOV, Item};
 use crate::engine::{Engine, EngineKind, Facts, ModelFile, Settings, light};
@@ -61,7 +61,11 @@ pub(crate) struct EvalArgs {
     /// Leave out the refinement after the network.
     #[arg(long)]
     no_refine: bool,
-    /// Also without refinement, and both by the float engine.
+    /// Linear value that a flat white surface at the centre has in these photos, told to the network; 1 in photos of
+    /// `testset` and those made here. Without it the albedo's brightness is a guess.
+    #[arg(long, value_name = "S", value_parser = light_scale)]
+    light_scale: Option<f32>,
+    /// Also without refinement, both by the float engine, and without the light scale.
     #[arg(long, conflicts_with = "no_refine")]
     compare: bool,
     /// Also another model, without refinement: the ablations.
@@ -95,6 +99,7 @@ struct Variant<'f> {
     file: &'f ModelFile,
     engine: EngineKind,
     refine: bool,
+    light_scale: Option<f32>,
 }
 
 /// What all methods are measured on.
@@ -133,9 +138,7 @@ fn evaluate(args: &EvalArgs) -> Result<bool, Failure> {
         whole &= complete || !methods.is_empty();
         methods.push(Method { name: variant.name.clone(), rows });
     }
-    for baseline in Baseline::ALL {
-        methods.push(Method { name: baseline.name().to_owned(), rows: data.guessed(baseline) });
-    }
+    methods.extend(data.guessed(methods.first()));
     say(&format!("{title}\n\n{}", table::text(&methods)));
     if let Some(path) = &args.csv {
         files::write_file(path, |f| f.write_all(table::csv(&methods).as_bytes()))?;
@@ -167,6 +170,7 @@ fn variants<'f>(
         file,
         engine,
         refine,
+        light_scale: args.light_scale,
     };
     let mut variants = vec![own(args.run.engine, !args.no_refine)];
     if args.compare {
@@ -175,20 +179,30 @@ fn variants<'f>(
         if cfg!(feature = "float") && args.run.engine != EngineKind::Float {
             variants.extend([own(EngineKind::Float, true), own(EngineKind::Float, false)]);
         }
+        if args.light_scale.is_some() {
+            let known = own(args.run.engine, true);
+            variants.push(Variant {
+                name: format!("{}, light scale not told", known.name),
+                light_scale: None,
+                ..known
+            });
+        }
     }
     variants.extend(others.iter().map(|(label, file)| Variant {
         name: format!("{label}, not refined"),
         file,
         engine: args.run.engine,
         refine: false,
+        light_scale: args.light_scale,
     }));
     variants
 }
 
 fn heading(args: &EvalArgs, photos: usize, facts: &Facts) -> String {
     let environment = args.environment.map_or_else(String::new, |s| format!(", environment {s}"));
+    let told = args.light_scale.map_or_else(String::new, |s| format!(", light scale {s} told"));
     format!(
-        "{photos} photos of {}, {} px, model {} ({}), level {}{environment}",
+        "{photos} photos of {}, {} px, model {} ({}), level {}{environment}{told}",
         args.dataset.display(),
         args.size,
         facts.model_name,
@@ -210,6 +224,7 @@ impl Data<'_> {
             engine: variant.engine,
             level: args.run.level(),
             refine: variant.refine,
+            light_scale: variant.light_scale,
             ..Settings::default()
         };
         let model = variant.file.parse()?;
@@ -253,36 +268,58 @@ impl Data<'_> {
         let shot = dataset::shot(item, self.args.size, environment)?;
         let failed = |e: flashmat_core::Error| Failure::core(&item.folder, &e);
         let found = engine.capture(&shot.photo, &mut |_, _| interrupt::flow()).map_err(failed)?;
-        let mut errors = errors(item, &shot.truth, &found.maps, found.f0)?;
+        let wanted = relit(item, &shot.truth, item.f0())?;
+        let mut errors = errors(item, (&shot.truth, &wanted), &found.maps, found.f0)?;
         errors.class = if found.class == item.class { 1.0 } else { 0.0 };
         errors.residual = Some(f64::from(found.residual));
         Ok(Row { class: item.class, name: item.name.clone(), errors, found: found.class })
     }
 
-    /// Every item by a baseline; items that cannot be read are left out, the capture has complained.
-    fn guessed(&self, baseline: Baseline) -> Vec<Row> {
+    /// The baselines, on the photos that `captured` has too: all methods are measured on the same ones.
+    fn guessed(&self, captured: Option<&Method>) -> Vec<Method> {
         let found = baselines::commonest(self.items.iter().map(|item| item.class));
-        let guess = |item: &Item| -> Result<Row, Failure> {
-            let size = self.args.size;
-            let shot = dataset::shot(item, size, self.args.environment)?;
-            let maps = baseline.maps(&shot.photo, size).map_err(|e| Failure::core(&item.folder, &e))?;
-            let mut errors = errors(item, &shot.truth, &maps, F0_DIELECTRIC)?;
-            errors.class = if found == item.class { 1.0 } else { 0.0 };
-            Ok(Row { class: item.class, name: item.name.clone(), errors, found })
+        let mut methods =
+            Baseline::ALL.map(|baseline| Method { name: baseline.name().to_owned(), rows: Vec::new() });
+        let known = |item: &&Item| {
+            let mut rows = captured.into_iter().flat_map(|method| &method.rows);
+            rows.any(|row| (row.class, &row.name) == (item.class, &item.name))
         };
-        self.items.iter().filter_map(|item| guess(item).ok()).collect()
+        for item in self.items.iter().filter(known) {
+            let size = self.args.size;
+            let Ok(shot) = dataset::shot(item, size, self.args.environment) else { continue };
+            let Ok(wanted) = relit(item, &shot.truth, item.f0()) else { continue };
+            for (method, baseline) in methods.iter_mut().zip(Baseline::ALL) {
+                let Ok(maps) = baseline.maps(&shot.photo, size) else { continue };
+                let Ok(mut errors) = errors(item, (&shot.truth, &wanted), &maps, F0_DIELECTRIC) else {
+                    continue;
+                };
+                errors.class = if found == item.class { 1.0 } else { 0.0 };
+                method.rows.push(Row { class: item.class, name: item.name.clone(), errors, found });
+            }
+        }
+        methods.into()
     }
 }
 
-/// Errors of the maps and of their renders under the unseen lights; class and residual are left to the caller.
-fn errors(item: &Item, truth: &OwnedMaps, found: &OwnedMaps, found_f0: f32) -> Result<Errors, Failure> {
-    let failed = |e: flashmat_core::Error| Failure::core(&item.folder, &e);
+/// The maps under each of the unseen lights.
+fn relit(item: &Item, maps: &OwnedMaps, f0: f32) -> Result<Vec<Vec<f32>>, Failure> {
+    let render = |place: Vec3| light::relight(maps, f0, FOV, place, light::strength_at_centre(place));
+    let renders = UNSEEN_LIGHTS.into_iter().map(render).collect::<Result<_, _>>();
+    renders.map_err(|e| Failure::core(&item.folder, &e))
+}
+
+/// Errors of the maps and of their renders under the unseen lights, against the truth and its renders; class and
+/// residual are left to the caller.
+fn errors(
+    item: &Item,
+    (truth, wanted): (&OwnedMaps, &[Vec<f32>]),
+    found: &OwnedMaps,
+    found_f0: f32,
+) -> Result<Errors, Failure> {
     let mut squares = Vec::new();
-    for place in UNSEEN_LIGHTS {
-        let strength = light::strength_at_centre(place);
-        let wanted = light::relight(truth, item.f0(), FOV, place, strength).map_err(failed)?;
-        let got = light::relight(found, found_f0, FOV, place, strength).map_err(failed)?;
-        let rmse = light::picture_error(&wanted, &got, truth.size, FOV).map_err(failed)?;
+    for (wanted, got) in wanted.iter().zip(relit(item, found, found_f0)?) {
+        let rmse = light::picture_error(wanted, &got, truth.size, FOV)
+            .map_err(|e| Failure::core(&item.folder, &e))?;
         squares.push(f64::from(rmse).powi(2));
     }
     Ok(Errors {

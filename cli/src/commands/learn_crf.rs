@@ -11,7 +11,7 @@ mod sample;
 #[cfg(test)]
 mod tests;
 
-use super::capture::{RunArgs, map_size};
+use super::capture::{RunArgs, light_scale, map_size};
 use super::{complain, say, workers};
 use crate::dataset::{self, Item};
 use crate::engine::{Engine, ModelFile, Settings, rewrite};
@@ -46,6 +46,9 @@ pub(crate) struct LearnArgs {
     /// Pixels per side, a multiple of 128.
     #[arg(long, value_name = "N", default_value_t = 256, value_parser = map_size)]
     size: usize,
+    /// Linear value that a flat white surface at the centre has in these photos, told to the network.
+    #[arg(long, value_name = "S", value_parser = light_scale)]
+    light_scale: Option<f32>,
     /// Photos in a batch.
     #[arg(long, value_name = "N", default_value_t = 32, value_parser = clap::value_parser!(u32).range(1..))]
     batch: u32,
@@ -137,7 +140,7 @@ fn range(stage: Stage) -> std::ops::Range<usize> {
     }
 }
 
-/// Every photo of a data set through the network.
+/// Every photo of a data set through the network; photos that it cannot take are named and left out.
 fn samples(args: &LearnArgs, dataset: &Path, file: &ModelFile) -> Result<Vec<Sample>, Failure> {
     let items: Vec<Item> = dataset::items(dataset, None)?;
     let settings = Settings {
@@ -145,6 +148,7 @@ fn samples(args: &LearnArgs, dataset: &Path, file: &ModelFile) -> Result<Vec<Sam
         engine: args.run.engine,
         level: args.run.level(),
         refine: false,
+        light_scale: args.light_scale,
         ..Settings::default()
     };
     let model = file.parse()?;
@@ -154,7 +158,7 @@ fn samples(args: &LearnArgs, dataset: &Path, file: &ModelFile) -> Result<Vec<Sam
     workers::run(workers, items.len(), &model, &settings, |engine: &mut Result<Engine<'_>, Failure>, i| {
         let Some(item) = items.get(i) else { return };
         let sample = match engine {
-            Ok(engine) => Sample::new(engine, item, args.size),
+            Ok(engine) => Sample::new(engine, item, args.size, args.light_scale),
             Err(failure) => Err(failure.clone()),
         };
         results.lock().unwrap_or_else(PoisonError::into_inner).push((i, sample));
@@ -163,7 +167,18 @@ fn samples(args: &LearnArgs, dataset: &Path, file: &ModelFile) -> Result<Vec<Sam
     bar.finish_and_clear();
     let mut results = results.into_inner().unwrap_or_else(PoisonError::into_inner);
     results.sort_by_key(|(i, _)| *i);
-    results.into_iter().map(|(_, sample)| sample).collect()
+    let mut samples = Vec::new();
+    for (_, result) in results {
+        match result {
+            Ok(sample) => samples.push(sample),
+            // A photo that shows nothing (overexposed all over) teaches nothing.
+            Err(failure) => complain(&failure),
+        }
+    }
+    if samples.is_empty() {
+        return Err(Failure::new(dataset, "holds no photo that can be captured", "see the lines above"));
+    }
+    Ok(samples)
 }
 
 /// One CRF being learned.

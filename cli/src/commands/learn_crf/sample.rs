@@ -49,6 +49,7 @@ pub(super) struct Sample {
     photo: Vec<f32>,
     clipped: Vec<u8>,
     fov_deg: f32,
+    light_scale: Option<f32>,
     f0: f32,
     /// Refined maps, the network's until [`Sample::advance`] has refined them.
     pub(super) albedo: Vec<f32>,
@@ -58,8 +59,13 @@ pub(super) struct Sample {
 }
 
 impl Sample {
-    /// Runs the network (`engine` must not refine) on the item's photo.
-    pub(super) fn new(engine: &mut Engine<'_>, item: &Item, size: usize) -> Result<Self, Failure> {
+    /// Runs the network (`engine` must not refine, and knows the same light scale) on the item's photo.
+    pub(super) fn new(
+        engine: &mut Engine<'_>,
+        item: &Item,
+        size: usize,
+        light_scale: Option<f32>,
+    ) -> Result<Self, Failure> {
         let failed = |e: Error| Failure::core(&item.folder, &e);
         let shot = dataset::shot(item, size, None)?;
         let found = engine.capture(&shot.photo, &mut |_, _| interrupt::flow()).map_err(failed)?;
@@ -70,6 +76,7 @@ impl Sample {
             photo: found.photo,
             clipped,
             fov_deg: found.fov_deg,
+            light_scale,
             f0: brdf::f0(found.probabilities.get(Class::Metal as usize).copied().unwrap_or(0.0)),
             albedo: found.maps.albedo.clone(),
             normal: found.maps.normal.clone(),
@@ -134,7 +141,13 @@ impl Sample {
             normal: self.normal.clone(),
             roughness: self.first.roughness.clone(),
         };
-        let photo = LinearImage { size, rgb: &self.photo, clipped: &self.clipped, fov_deg: self.fov_deg };
+        let photo = LinearImage {
+            size,
+            rgb: &self.photo,
+            clipped: &self.clipped,
+            fov_deg: self.fov_deg,
+            light_scale: self.light_scale,
+        };
         let render = light::relight(&maps, self.f0, self.fov_deg, Vec3::Z, 1.0)?;
         let strength = search::light_scale(&photo, &render)?;
         let (mut roughness, mut observability) = (vec![0.0; size * size], vec![0.0; size * size]);

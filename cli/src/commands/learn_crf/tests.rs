@@ -67,7 +67,7 @@ fn sample_of(material: &Material, file: &ModelFile, refine: bool) -> (Sample, cr
     let settings = Settings { size: SIZE, refine: false, ..Settings::default() };
     let model = file.parse().expect("model");
     let mut engine = Engine::new(&model, &settings).expect("engine");
-    let sample = Sample::new(&mut engine, &material.item(), SIZE).expect("sample");
+    let sample = Sample::new(&mut engine, &material.item(), SIZE, None).expect("sample");
     let mut engine = Engine::new(&model, &Settings { refine, ..settings }).expect("engine");
     let shot = dataset::shot(&material.item(), SIZE, None).expect("shot");
     let capture =
