@@ -108,7 +108,7 @@ pub(super) fn text(methods: &[Method]) -> String {
     };
     let mut line = |name: &str, n: &str, rest: &str| {
         // Writing to a string cannot fail.
-        let _ = writeln!(out, "{name:<20} {n:>5}{rest}");
+        let _ = writeln!(out, "{name:<36} {n:>5}{rest}");
     };
     line("", "", &heading(|c| c.0.to_owned()));
     line("", "n", &heading(|c| c.1.to_owned()));
