@@ -22,6 +22,8 @@ use adam::Adam;
 use flashmat_core::Error;
 use flashmat_core::crf::coefficients::{CLASSES, COUNT};
 use flashmat_core::crf::{self, Coefficients};
+use flashmat_core::exec::{At, Inline};
+use flashmat_core::kernels::{Level, Simd};
 use flashmat_core::net::Class;
 use gradient::Values;
 use indicatif::ProgressBar;
@@ -30,6 +32,11 @@ use sample::{Sample, Sets, Stage};
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
+
+/// One thread with this CPU's widest registers; the bits are those of any other.
+fn fast() -> At<'static> {
+    At::new(&Inline, Simd::for_level(Level::detect()).unwrap_or(Simd::BASELINE))
+}
 
 /// What to learn from, and how.
 #[derive(clap::Args)]

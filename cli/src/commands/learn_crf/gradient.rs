@@ -8,7 +8,6 @@ use flashmat_core::Error;
 use flashmat_core::arena::Arena;
 use flashmat_core::crf::coefficients::{COUNT, through_normalisation};
 use flashmat_core::crf::{self, Coefficients, Energy};
-use flashmat_core::exec::Inline;
 use flashmat_core::net::Class;
 
 /// A value for each coefficient of each class, in the model file's order.
@@ -78,7 +77,7 @@ fn of_mixed<E: Energy<N>, const N: usize>(
 ) -> Result<(f64, [f32; N]), Error> {
     let energy = Unprojected(energy);
     let mut solution = energy.unary(0).to_vec();
-    crf::refine(&energy, theta, options, &mut solution, &Inline, &mut Arena::new(workspace))?;
+    crf::refine(&energy, theta, options, &mut solution, &super::fast(), &mut Arena::new(workspace))?;
     let mut found = solution.clone();
     energy.0.project(&mut found);
     // Tiny per-pixel values would be lost beside the solver's tolerance were they smaller still: the mean comes last.
@@ -88,7 +87,8 @@ fn of_mixed<E: Energy<N>, const N: usize>(
         through_unit_length(&solution, &found, &mut by_solution);
     }
     let pair = [solution.as_slice(), by_solution.as_slice()];
-    let gradient = crf::derivative(&energy, theta, options, pair, &Inline, &mut Arena::new(workspace))?;
+    let gradient =
+        crf::derivative(&energy, theta, options, pair, &super::fast(), &mut Arena::new(workspace))?;
     let values = found.len().max(1) as f32;
     Ok((loss(stage, &found, truth), gradient.map(|g| g / values)))
 }

@@ -10,7 +10,6 @@ use crate::material::OwnedMaps;
 use flashmat_core::arena::Arena;
 use flashmat_core::brdf::{self, Light};
 use flashmat_core::crf::{self, Albedo, Coefficients, Energy, Normal, Roughness};
-use flashmat_core::exec::Inline;
 use flashmat_core::frame::{self, FieldOfView, LinearImage};
 use flashmat_core::net::Class;
 use flashmat_core::{Error, search};
@@ -149,7 +148,7 @@ impl Sample {
             light_scale: self.light_scale,
         };
         let render = light::relight(&maps, self.f0, self.fov_deg, Vec3::Z, 1.0)?;
-        let strength = search::light_scale(&photo, &render)?;
+        let strength = search::light_scale(&photo, &render, &super::fast())?;
         let (mut roughness, mut observability) = (vec![0.0; size * size], vec![0.0; size * size]);
         search::roughness(
             &photo,
@@ -157,7 +156,7 @@ impl Sample {
             &self.normal,
             self.f0,
             &Light { strength, ..Light::default() },
-            &Inline,
+            &super::fast(),
             &mut roughness,
             &mut observability,
         )?;
@@ -170,7 +169,8 @@ impl Sample {
 fn clipped(photo: &crate::photo::Photo, size: usize) -> Result<Vec<u8>, Error> {
     let frame = photo.frame(frame::Encoding::Srgb)?;
     let mut bytes = vec![0_u8; frame::prepare_bytes(size)];
-    let image = frame::prepare(&frame, size, &FieldOfView::default(), &Inline, &mut Arena::new(&mut bytes))?;
+    let image =
+        frame::prepare(&frame, size, &FieldOfView::default(), &super::fast(), &mut Arena::new(&mut bytes))?;
     Ok(image.clipped.to_vec())
 }
 
@@ -181,6 +181,6 @@ fn refine<E: Energy<N>, const N: usize>(
 ) -> Result<Vec<f32>, Error> {
     let mut out = energy.unary(0).to_vec();
     let options = crf::Options::default();
-    crf::refine(energy, coefficients, &options, &mut out, &Inline, &mut Arena::new(workspace))?;
+    crf::refine(energy, coefficients, &options, &mut out, &super::fast(), &mut Arena::new(workspace))?;
     Ok(out)
 }
