@@ -17,6 +17,7 @@ mod simd;
 mod tests;
 #[cfg(target_arch = "x86_64")]
 mod tiles;
+pub(crate) mod vector;
 #[cfg(target_arch = "x86_64")]
 mod x86_64;
 

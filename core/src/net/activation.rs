@@ -9,7 +9,7 @@ const LIMIT: f32 = 87.0;
 pub const NORMAL_Z_EPSILON: f32 = 1e-2;
 
 /// e^x for |x| <= 87 (clamped; NaN gives e^-87): 2^n * e^r, |r| <= ln 2 / 2, Taylor's polynomial of degree 7.
-#[inline]
+#[inline(always)]
 #[must_use]
 fn exp(x: f32) -> f32 {
     let x = if x > LIMIT {
@@ -32,20 +32,21 @@ fn exp(x: f32) -> f32 {
 }
 
 /// The logistic function.
-#[inline]
+#[inline(always)]
 #[must_use]
 pub(super) fn sigmoid(x: f32) -> f32 {
     1.0 / (1.0 + exp(-x))
 }
 
 /// The hyperbolic tangent.
-#[inline]
+#[inline(always)]
 #[must_use]
 pub(super) fn tanh(x: f32) -> f32 {
     1.0 - 2.0 / (exp(2.0 * x) + 1.0)
 }
 
 /// Albedo and roughness: logits to [0,1], in place.
+#[inline(always)]
 pub(super) fn sigmoid_all(values: &mut [f32]) {
     for value in values {
         *value = sigmoid(*value);
@@ -53,6 +54,7 @@ pub(super) fn sigmoid_all(values: &mut [f32]) {
 }
 
 /// Normals: logits (a, b, c) to the unit vector along (tanh a, tanh b, sigmoid c + epsilon), in place.
+#[inline(always)]
 pub(super) fn normals(x: &mut [f32], y: &mut [f32], z: &mut [f32]) {
     for ((x, y), z) in x.iter_mut().zip(y.iter_mut()).zip(z.iter_mut()) {
         (*x, *y, *z) = (tanh(*x), tanh(*y), sigmoid(*z) + NORMAL_Z_EPSILON);

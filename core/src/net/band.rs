@@ -4,7 +4,8 @@
 //! An image's output rows are cut into at most [`SLOTS`] equal parts for the executor; each part works through its
 //! bands one after the other in its own piece of scratch memory. Cuts depend on shapes alone, never on threads.
 use super::graph::Window;
-use crate::kernels::{Geometry, pack};
+use crate::kernels::vector::Job;
+use crate::kernels::{Geometry, Kernels, pack, vector};
 
 /// Most parts that can run at once.
 const SLOTS: usize = 8;
@@ -79,24 +80,48 @@ impl Bands {
         }
     }
 
-    /// Fills a band for `rows` output rows from `first`; codes are stored xor `flip`.
+    /// Fills a band for `rows` output rows from `first`, in the codes of `kernels`.
     pub(crate) fn fill<'a>(
         &self,
         inputs: impl Iterator<Item = Input<'a>> + Clone,
         first: usize,
         rows: usize,
-        flip: u8,
+        kernels: &Kernels,
         band: &mut [u8],
     ) {
-        let input_rows = rows.saturating_sub(1) * self.window.stride + self.window.height;
-        let [top, ..] = self.window.pad;
-        for (row, line) in band.chunks_exact_mut(self.pitch).take(input_rows).enumerate() {
-            let from = (first * self.window.stride + row).checked_sub(top);
-            self.fill_row(inputs.clone(), from, flip, line);
+        let flip = kernels.flip();
+        vector::run(kernels.level(), Fill { bands: self, inputs, first, rows, flip, band });
+    }
+}
+
+/// Gathers one band; codes are stored xor `flip`.
+struct Fill<'b, I> {
+    bands: &'b Bands,
+    inputs: I,
+    first: usize,
+    rows: usize,
+    flip: u8,
+    band: &'b mut [u8],
+}
+
+impl<'a, I: Iterator<Item = Input<'a>> + Clone> Job for Fill<'_, I> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let window = &self.bands.window;
+        let input_rows = self.rows.saturating_sub(1) * window.stride + window.height;
+        let [top, ..] = window.pad;
+        for (row, line) in self.band.chunks_exact_mut(self.bands.pitch).take(input_rows).enumerate() {
+            let from = (self.first * window.stride + row).checked_sub(top);
+            self.bands.fill_row(self.inputs.clone(), from, self.flip, line);
         }
     }
+}
 
+impl Bands {
     /// One padded row; `from` is the input row, or `None` above the image.
+    #[inline(always)]
     fn fill_row<'a>(
         &self,
         inputs: impl Iterator<Item = Input<'a>>,
@@ -106,37 +131,39 @@ impl Bands {
     ) {
         let [_, left, _, right] = self.window.pad;
         let width = self.side * self.window.stride;
-        let end = (left + width + right) * self.cin;
-        if let Some(slack) = line.get_mut(end..) {
-            slack.fill(0);
-        }
+        let (line, slack) = line.split_at_mut(((left + width + right) * self.cin).min(line.len()));
+        slack.fill(0);
         let mut channel = 0;
         for input in inputs {
             let zero = input.zero_point.cast_unsigned() ^ flip;
             let y = from.map(|y| if input.upsample { y / 2 } else { y });
             let row_len = input.side * input.channels;
             let source = y.and_then(|y| input.data.get(y * row_len..(y + 1) * row_len));
-            let mut pixels = line
-                .get_mut(..end)
-                .unwrap_or(&mut [])
-                .chunks_exact_mut(self.cin)
-                .map(|pixel| pixel.get_mut(channel..channel + input.channels).unwrap_or(&mut []));
-            match source {
-                None => pixels.for_each(|pixel| pixel.fill(zero)),
-                Some(source) => {
-                    pixels.by_ref().take(left).for_each(|pixel| pixel.fill(zero));
-                    if input.upsample {
-                        for codes in source.chunks_exact(input.channels) {
-                            for pixel in pixels.by_ref().take(2) {
-                                copy_flipped(codes, flip, pixel);
-                            }
-                        }
-                    } else {
-                        for (codes, pixel) in source.chunks_exact(input.channels).zip(pixels.by_ref()) {
-                            copy_flipped(codes, flip, pixel);
-                        }
+            let Some(source) = source else {
+                pixels(line, self.cin, channel, input.channels).for_each(|pixel| pixel.fill(zero));
+                channel += input.channels;
+                continue;
+            };
+            let (before, rest) = line.split_at_mut((left * self.cin).min(line.len()));
+            let (inside, after) = rest.split_at_mut((width * self.cin).min(rest.len()));
+            for pad in [before, after] {
+                pixels(pad, self.cin, channel, input.channels).for_each(|pixel| pixel.fill(zero));
+            }
+            if input.channels == self.cin && !input.upsample {
+                copy_flipped(source, flip, inside);
+            } else if input.upsample {
+                let pairs = inside.chunks_exact_mut(2 * self.cin);
+                for (codes, pair) in source.chunks_exact(input.channels).zip(pairs) {
+                    let (first, second) = pair.split_at_mut(self.cin);
+                    for pixel in [first, second] {
+                        let slots = pixel.get_mut(channel..channel + input.channels).unwrap_or(&mut []);
+                        copy_flipped(codes, flip, slots);
                     }
-                    pixels.for_each(|pixel| pixel.fill(zero));
+                }
+            } else {
+                let pixels = pixels(inside, self.cin, channel, input.channels);
+                for (codes, pixel) in source.chunks_exact(input.channels).zip(pixels) {
+                    copy_flipped(codes, flip, pixel);
                 }
             }
             channel += input.channels;
@@ -144,17 +171,47 @@ impl Bands {
     }
 }
 
-/// Copies codes xor `flip`, sixteen at a time: channel counts are too small for a call of `memcpy`.
-#[inline]
+/// The `count` channels from `channel` of every pixel of a line.
+#[inline(always)]
+fn pixels(line: &mut [u8], cin: usize, channel: usize, count: usize) -> impl Iterator<Item = &mut [u8]> {
+    line.chunks_exact_mut(cin).map(move |pixel| pixel.get_mut(channel..channel + count).unwrap_or(&mut []))
+}
+
+/// Copies codes xor `flip` in the widest steps that fit, the last one over codes already copied: channel counts are too
+/// small for a call of `memcpy`. The slices are of one length.
+#[inline(always)]
 fn copy_flipped(codes: &[i8], flip: u8, out: &mut [u8]) {
-    let (wide_in, rest_in) = codes.as_chunks::<16>();
-    let (wide_out, rest_out) = out.as_chunks_mut::<16>();
-    for (out, codes) in wide_out.iter_mut().zip(wide_in) {
-        *out = codes.map(|q| q.cast_unsigned() ^ flip);
+    if codes.len() >= 64 {
+        copy_by::<64>(codes, flip, out);
+    } else if codes.len() >= 32 {
+        copy_by::<32>(codes, flip, out);
+    } else if codes.len() >= 16 {
+        copy_by::<16>(codes, flip, out);
+    } else if codes.len() >= 8 {
+        copy_by::<8>(codes, flip, out);
+    } else {
+        copy_by::<1>(codes, flip, out);
     }
-    for (out, &q) in rest_out.iter_mut().zip(rest_in) {
-        *out = q.cast_unsigned() ^ flip;
+}
+
+#[inline(always)]
+fn copy_by<const N: usize>(codes: &[i8], flip: u8, out: &mut [u8]) {
+    for (out, codes) in out.as_chunks_mut::<N>().0.iter_mut().zip(codes.as_chunks::<N>().0) {
+        copy_chunk(codes, flip, out);
     }
+    if let (Some(out), Some(codes)) = (out.last_chunk_mut::<N>(), codes.last_chunk::<N>()) {
+        copy_chunk(codes, flip, out);
+    }
+}
+
+/// By way of a copy: loads all come before stores, which the compiler needs to know to make one vector of each.
+#[inline(always)]
+fn copy_chunk<const N: usize>(codes: &[i8; N], flip: u8, out: &mut [u8; N]) {
+    let mut chunk = [0; N];
+    for (slot, &q) in chunk.iter_mut().zip(codes) {
+        *slot = q.cast_unsigned() ^ flip;
+    }
+    *out = chunk;
 }
 
 #[cfg(test)]
@@ -173,11 +230,12 @@ mod tests {
         ];
         let window = Window { height: 3, width: 3, stride: 1, pad: [1, 1, 1, 1] };
         let bands = Bands::new(&window, 7, 6);
-        for flip in [0, 0x80] {
+        for kernels in crate::kernels::ALL.iter().filter(|k| k.level().is_supported()) {
+            let flip = kernels.flip();
             for start in 0..6 {
                 let rows = bands.rows.min(6 - start);
                 let mut band = vec![0xEE; bands.len];
-                bands.fill(inputs.iter().copied(), start, rows, flip, &mut band);
+                bands.fill(inputs.iter().copied(), start, rows, kernels, &mut band);
                 for row in 0..rows + 2 {
                     for column in 0..8_usize {
                         for c in 0..7 {

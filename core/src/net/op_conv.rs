@@ -70,7 +70,7 @@ pub(super) fn run<'a>(
         let (mut first, band) = (slot.start * bands.slot_rows, band.values());
         for out in out.values().chunks_mut(bands.rows * row_len) {
             let rows = out.len() / row_len;
-            bands.fill(inputs.clone(), first, rows, kernels.flip(), band);
+            bands.fill(inputs.clone(), first, rows, kernels, band);
             let block = Block::new(band, bands.geometry(rows), shape, conv.weights, offset);
             let done = block.and_then(|block| kernels.convolve(&block, &requant, out));
             debug_assert!(done.is_ok(), "{done:?}");

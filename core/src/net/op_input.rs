@@ -10,25 +10,30 @@ use crate::exec::{Executor, Plane, ROWS_PER_BLOCK, for_each_row_block};
 use crate::frame::LinearImage;
 use crate::frame::transfer::srgb_to_linear;
 
+/// Intervals between 0 and 1.
 const BINS: usize = 4096;
+/// How far below its interval's lower end an interval's code is taken, in intervals: more than rounding errs.
+const SLACK: f32 = 0.01;
+/// 2^23: adding it to 0 <= x < 2^22 leaves the nearest integer in the low bits.
+const ROUND: f32 = 8_388_608.0;
 
-/// Linear values at which the code steps up, and for each of [`BINS`] equal intervals the code at its start.
+/// Linear values at which the code steps up, and for each interval (those nearest to k / [`BINS`]) the code at its start.
 struct Encoder {
     steps: [f32; 256],
-    start: [u8; BINS],
+    start: [u8; BINS + 1],
 }
 
 impl Encoder {
     fn new() -> Self {
-        // Nothing is at or above NaN: the search for a code ends there.
+        // Nothing is at or above NaN: there is no step after the last.
         let mut steps = [f32::NAN; 256];
         for (code, step) in steps.iter_mut().take(255).enumerate() {
             *step = srgb_to_linear((code as f32 + 0.5) / 255.0);
         }
-        let mut start = [0; BINS];
+        let mut start = [0; BINS + 1];
         let mut code = 0_u8;
         for (bin, slot) in start.iter_mut().enumerate() {
-            while bin as f32 / BINS as f32 >= steps[usize::from(code)] {
+            while (bin as f32 - 0.5 - SLACK) / BINS as f32 >= steps[usize::from(code)] {
                 code += 1;
             }
             *slot = code;
@@ -37,14 +42,19 @@ impl Encoder {
     }
 
     /// The 8-bit code of a linear value; below 0 and NaN: 0, above 1: 255.
+    #[inline(always)]
     fn code(&self, linear: f32) -> u8 {
-        // `as` saturates and turns NaN into 0.
-        let bin = ((linear * BINS as f32) as usize).min(BINS - 1);
-        let mut code = self.start[bin];
-        while linear >= self.steps[usize::from(code)] {
-            code += 1;
-        }
-        code
+        let inside = if linear > 1.0 {
+            1.0
+        } else if linear > 0.0 {
+            linear
+        } else {
+            0.0
+        };
+        let bin = (inside * BINS as f32 + ROUND).to_bits().wrapping_sub(ROUND.to_bits());
+        let code = self.start.get(bin as usize).copied().unwrap_or(255);
+        // One step at most: the curve is nowhere steeper than 12.92 * 255 codes, 0.81 in an interval.
+        code + u8::from(linear >= self.steps[usize::from(code)])
     }
 }
 
@@ -67,11 +77,15 @@ pub(super) fn run(photo: &LinearImage<'_>, exec: &dyn Executor, out: &mut [i8]) 
     for_each_row_block(exec, size, ROWS_PER_BLOCK, Plane::new(out, row_len), &|rows, mut out| {
         for (y, out) in rows.zip(out.rows()) {
             let up = coordinate(size - 1 - y, size);
-            for (channel, plane) in photo.rgb.chunks_exact(size * size).enumerate() {
-                let line = plane.chunks_exact(size).nth(y).unwrap_or(&[]);
-                for (slot, &linear) in out.iter_mut().skip(channel).step_by(INPUT_CHANNELS).zip(line) {
-                    *slot = to_i8(encoder.code(linear * gain));
-                }
+            let line = |channel: usize| {
+                let start = (channel * size + y) * size;
+                photo.rgb.get(start..start + size).unwrap_or(&[])
+            };
+            let colours = line(0).iter().zip(line(1)).zip(line(2));
+            let pixels = out.as_chunks_mut::<INPUT_CHANNELS>().0.iter_mut();
+            for (pixel, ((&r, &g), &b)) in pixels.zip(colours) {
+                let [r, g, b] = [r, g, b].map(|linear| to_i8(encoder.code(linear * gain)));
+                [pixel[0], pixel[1], pixel[2]] = [r, g, b];
             }
             for (x, pixel) in out.as_chunks_mut::<INPUT_CHANNELS>().0.iter_mut().enumerate() {
                 [pixel[3], pixel[4], pixel[5]] = [coordinate(x, size), up, known];
@@ -98,6 +112,14 @@ mod tests {
             let exact = linear_to_srgb(linear) * 255.0;
             let code = f32::from(encoder.code(linear));
             assert!((code - exact).abs() <= 0.5 + 1e-4, "{linear}: {code} for {exact}");
+        }
+        // By counting the steps at or below it, at and around every step and every interval's end.
+        let borders = (0..2 * BINS).map(|i| (i as f32 + 0.5) / (2 * BINS) as f32);
+        for border in borders.chain(encoder.steps.into_iter().take(255)) {
+            for linear in [border.next_down(), border, border.next_up()] {
+                let below = encoder.steps.iter().filter(|&&step| linear >= step).count();
+                assert_eq!(usize::from(encoder.code(linear)), below, "{linear}");
+            }
         }
         for (linear, code) in
             [(-1.0, 0), (f32::NAN, 0), (7.0, 255), (f32::INFINITY, 255), (f32::NEG_INFINITY, 0)]

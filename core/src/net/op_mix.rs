@@ -13,6 +13,7 @@ use super::quant::weight_code;
 use crate::Error;
 use crate::arena::{Arena, bytes_for};
 use crate::exec::{Executor, Plane, for_each_row_block};
+use crate::kernels::vector::{self, Job};
 use crate::kernels::{Block, Kernels, pack};
 
 fn shape(head: &MixHead<'_>) -> pack::Shape {
@@ -54,6 +55,14 @@ struct Mixed<'s> {
     offset: &'s [i32],
     scale: &'s [f32],
     bias: &'s [f32],
+}
+
+impl Mixed<'_> {
+    /// Scale and bias of an output channel.
+    #[inline(always)]
+    fn channel(&self, index: usize) -> (f32, f32) {
+        (self.scale.get(index).copied().unwrap_or(0.0), self.bias.get(index).copied().unwrap_or(0.0))
+    }
 }
 
 /// Mixes, folds each source's activation scale into its channels, quantises per output channel, packs.
@@ -128,46 +137,72 @@ pub(super) fn run<'a>(
         let mut rest = planes;
         for first in (start..end).step_by(bands.rows) {
             let rows = bands.rows.min(end - first);
-            bands.fill(inputs.clone().map(|(input, _)| input), first, rows, kernels.flip(), band);
+            bands.fill(inputs.clone().map(|(input, _)| input), first, rows, kernels, band);
             let sums = sums.get_mut(..rows * side * head.cout).unwrap_or(&mut []);
             let block = Block::new(band, bands.geometry(rows), shape, mixed.packed, mixed.offset);
             let done = block.and_then(|block| kernels.accumulate(&block, sums));
             debug_assert!(done.is_ok(), "{done:?}");
             let skip = (first - start) * row_len;
-            let out = rest
+            let planes = rest
                 .each_mut()
                 .map(|plane| plane.values().get_mut(skip..skip + rows * row_len).unwrap_or(&mut []));
-            finish(head, &mixed, side, sums, out);
+            vector::run(kernels.level(), Finish { head, mixed: &mixed, side, sums, planes });
         }
     });
     Ok(())
 }
 
 /// Accumulators of a band's rows to the map's pixels.
-fn finish(head: &MixHead<'_>, mixed: &Mixed<'_>, side: usize, sums: &[i32], planes: [&mut [f32]; 3]) {
-    let (r, width) = (head.shuffle, side * head.shuffle);
-    let [x, y, z] = planes;
-    let mut planes = [x, y, z];
-    for (plane, map) in planes.iter_mut().enumerate().take(head.map.channels()) {
-        for i in 0..r {
-            for j in 0..r {
-                let channel = plane * r * r + i * r + j;
-                let scale = mixed.scale.get(channel).copied().unwrap_or(0.0);
-                let bias = mixed.bias.get(channel).copied().unwrap_or(0.0);
-                let rows = map.chunks_exact_mut(width).skip(i).step_by(r);
-                for (line, sums) in rows.zip(sums.chunks_exact(side * head.cout)) {
-                    let accumulators = sums.iter().skip(channel).step_by(head.cout);
-                    for (out, &acc) in line.iter_mut().skip(j).step_by(r).zip(accumulators) {
-                        *out = acc as f32 * scale + bias;
-                    }
+struct Finish<'f, 'm> {
+    head: &'f MixHead<'m>,
+    mixed: &'f Mixed<'f>,
+    side: usize,
+    sums: &'f [i32],
+    planes: [&'f mut [f32]; 3],
+}
+
+impl Job for Finish<'_, '_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Self { head, mixed, side, sums, mut planes } = self;
+        let r = head.shuffle;
+        for (plane, map) in planes.iter_mut().enumerate().take(head.map.channels()) {
+            for (row, line) in map.chunks_exact_mut(side * r).enumerate() {
+                let first = plane * r * r + row % r * r;
+                let sums = sums.chunks_exact(side * head.cout).nth(row / r).unwrap_or(&[]);
+                match r {
+                    1 => shuffle_row::<1>(mixed, first, head.cout, sums, line),
+                    2 => shuffle_row::<2>(mixed, first, head.cout, sums, line),
+                    _ => (0..r).for_each(|j| {
+                        let (scale, bias) = mixed.channel(first + j);
+                        let accumulators = sums.iter().skip(first + j).step_by(head.cout);
+                        for (out, &acc) in line.iter_mut().skip(j).step_by(r).zip(accumulators) {
+                            *out = acc as f32 * scale + bias;
+                        }
+                    }),
                 }
             }
         }
+        let [x, y, z] = planes;
+        match head.map {
+            Map::Albedo => [x, y, z].into_iter().for_each(activation::sigmoid_all),
+            Map::Roughness => activation::sigmoid_all(x),
+            Map::Normal => activation::normals(x, y, z),
+        }
     }
-    let [x, y, z] = planes;
-    match head.map {
-        Map::Albedo => [x, y, z].into_iter().for_each(activation::sigmoid_all),
-        Map::Roughness => activation::sigmoid_all(x),
-        Map::Normal => activation::normals(x, y, z),
+}
+
+/// One row of logits: R neighbours from the R channels at `first` of each pixel.
+#[inline(always)]
+fn shuffle_row<const R: usize>(mixed: &Mixed<'_>, first: usize, cout: usize, sums: &[i32], line: &mut [f32]) {
+    let (scale, bias): ([f32; R], [f32; R]) = (
+        core::array::from_fn(|j| mixed.channel(first + j).0),
+        core::array::from_fn(|j| mixed.channel(first + j).1),
+    );
+    for (out, pixel) in line.as_chunks_mut::<R>().0.iter_mut().zip(sums.chunks_exact(cout)) {
+        let Some(acc) = pixel.get(first..).and_then(<[i32]>::first_chunk::<R>) else { return };
+        *out = core::array::from_fn(|j| acc[j] as f32 * scale[j] + bias[j]);
     }
 }
