@@ -48,6 +48,7 @@ pub struct Kernels {
     name: &'static str,
     level: Level,
     flip: u8,
+    code_bytes: usize,
     conv: fn(&Block<'_>, &Requant<'_>, &mut [i8]),
     accumulate: fn(&Block<'_>, &mut [i32]),
 }
@@ -82,6 +83,11 @@ impl Kernels {
     /// What each weight adds to an accumulator because of [`Kernels::flip`]: offsets must take it away again.
     pub(crate) const fn flip_bias(&self) -> i32 {
         self.flip as i32
+    }
+
+    /// Bytes of a code in the band: 1, or 2 where instructions want codes widened to 16 bits.
+    pub(crate) const fn code_bytes(&self) -> usize {
+        self.code_bytes
     }
 
     /// Convolves and requantises; `out` holds `cout` codes for each output pixel.
@@ -140,6 +146,8 @@ pub(crate) struct Block<'a> {
 /// Where a block's output pixels lie in its band, in bytes.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Geometry {
+    /// Bytes of a code.
+    pub(crate) code: usize,
     /// From one input row to the next.
     pub(crate) pitch: usize,
     /// From one output pixel's first input byte to the next one's.
@@ -162,7 +170,7 @@ impl Geometry {
             .saturating_mul(self.row_step)
             .saturating_add((self.cols - 1).saturating_mul(self.step))
             .saturating_add((shape.height - 1).saturating_mul(self.pitch));
-        last.saturating_add(shape.groups().saturating_mul(pack::GROUP))
+        last.saturating_add(shape.groups().saturating_mul(pack::GROUP * self.code))
     }
 }
 
@@ -184,7 +192,7 @@ impl<'a> Block<'a> {
         {
             return Err(Error::WorkspaceTooSmall { needed, available: band.len() });
         }
-        let Geometry { pitch, step, row_step, rows, cols } = geometry;
+        let Geometry { pitch, step, row_step, rows, cols, .. } = geometry;
         Ok(Self { band, pitch, step, row_step, rows, cols, shape, weights, offset })
     }
 

@@ -3,8 +3,14 @@ use super::pack::{BLOCK, GROUP, PANEL};
 use super::{Block, Kernels, Level, Requant};
 
 /// The kernels of [`Level::Scalar`].
-pub(super) static KERNELS: Kernels =
-    Kernels { name: "scalar-conv-i8", level: Level::Scalar, flip: 0, conv: convolve, accumulate };
+pub(super) static KERNELS: Kernels = Kernels {
+    name: "scalar-conv-i8",
+    level: Level::Scalar,
+    flip: 0,
+    code_bytes: 1,
+    conv: convolve,
+    accumulate,
+};
 
 /// Accumulators of 16 channels at one pixel, offset included.
 fn panel_at(block: &Block<'_>, pixel: usize, panel: usize) -> [i32; PANEL] {

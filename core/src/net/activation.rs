@@ -60,9 +60,20 @@ pub(super) fn normals(x: &mut [f32], y: &mut [f32], z: &mut [f32]) {
         (*x, *y, *z) = (tanh(*x), tanh(*y), sigmoid(*z) + NORMAL_Z_EPSILON);
     }
     for ((x, y), z) in x.iter_mut().zip(y.iter_mut()).zip(z.iter_mut()) {
-        let length = crate::math::sqrtf(*x * *x + *y * *y + *z * *z);
-        (*x, *y, *z) = (*x / length, *y / length, *z / length);
+        let scale = inverse_sqrt(*x * *x + *y * *y + *z * *z);
+        (*x, *y, *z) = (*x * scale, *y * scale, *z * scale);
     }
+}
+
+/// 1 / sqrt x for normal x > 0, within 2e-7 of it: a first guess from the exponent, three steps of Newton's method.
+#[inline(always)]
+#[must_use]
+fn inverse_sqrt(x: f32) -> f32 {
+    let mut y = f32::from_bits(0x5F37_5A86_u32.wrapping_sub(x.to_bits() >> 1));
+    for _ in 0..3 {
+        y *= 1.5 - 0.5 * x * y * y;
+    }
+    y
 }
 
 #[cfg(test)]
@@ -83,6 +94,19 @@ mod tests {
     }
 
     #[test]
+    fn close_to_the_exact_inverse_root() {
+        let mut worst = 0.0_f64;
+        // Squared lengths: from the epsilon's square to 1 + 1 + 1.01^2, and far beyond.
+        for i in 0..400_000 {
+            let x = libm::exp2f(i as f32 * 1e-4 - 20.0);
+            let exact = 1.0 / libm::sqrt(f64::from(x));
+            worst = worst.max((f64::from(inverse_sqrt(x)) / exact - 1.0).abs());
+        }
+        std::println!("1 / sqrt within {worst:.1e} of it");
+        assert!(worst < 2e-7);
+    }
+
+    #[test]
     fn extremes_stay_in_range() {
         for x in [f32::INFINITY, f32::MAX, 1e4] {
             assert_eq!((sigmoid(x), tanh(x), tanh(-x)), (1.0, 1.0, -1.0));
@@ -98,7 +122,7 @@ mod tests {
         for i in 0..3 {
             assert!((x[i] * x[i] + y[i] * y[i] + z[i] * z[i] - 1.0).abs() < 1e-6 && z[i] > 0.0);
         }
-        assert_eq!((x[0], y[0], z[0]), (0.0, 0.0, 1.0));
+        assert!(x[0] == 0.0 && y[0] == 0.0 && (z[0] - 1.0).abs() < 2e-7);
         // Against libm: (tanh -0.3, tanh 0.2, sigmoid 2 + 0.01) normalised.
         let v = [libm::tanh(-0.3), libm::tanh(0.2), 1.0 / (1.0 + libm::exp(-2.0)) + 0.01];
         let length = libm::sqrt(v.iter().map(|c| c * c).sum());

@@ -11,8 +11,8 @@ use crate::kernels::{Geometry, Kernels, pack, vector};
 const SLOTS: usize = 8;
 /// Most output rows in a band; more rows gather fewer input rows twice.
 const MAX_ROWS: usize = 8;
-/// Bands of more than [`MIN_ROWS`] rows stay below this many bytes, to lie in a second-level cache.
-const TARGET_BYTES: usize = 96 << 10;
+/// Bands of more than [`MIN_ROWS`] rows stay below this many codes, to lie in a second-level cache.
+const TARGET_CODES: usize = 96 << 10;
 const MIN_ROWS: usize = 2;
 
 /// An int8 image as a convolution reads it.
@@ -41,10 +41,10 @@ pub(crate) struct Bands {
     pub(crate) slots: usize,
     /// Output rows in a part (the last may have fewer).
     pub(crate) slot_rows: usize,
-    /// Bytes between input rows of a band.
-    pub(crate) pitch: usize,
-    /// Bytes of a whole band.
-    pub(crate) len: usize,
+    /// Codes between input rows of a band.
+    pitch: usize,
+    /// Codes of a whole band.
+    len: usize,
     window: Window,
     cin: usize,
 }
@@ -58,7 +58,7 @@ impl Bands {
         // The last pixel's last group may reach past the row: keep zeros there.
         let pitch = columns.saturating_mul(cin).saturating_add(run - window.width * cin).next_multiple_of(64);
         let input_rows = |rows: usize| (rows - 1) * window.stride + window.height;
-        let fits = |rows: &usize| input_rows(*rows).saturating_mul(pitch) <= TARGET_BYTES;
+        let fits = |rows: &usize| input_rows(*rows).saturating_mul(pitch) <= TARGET_CODES;
         let most = MAX_ROWS.min(side.max(1));
         let rows = (MIN_ROWS.min(most)..=most).rev().find(fits).unwrap_or(MIN_ROWS.min(most));
         let bands = side.div_ceil(rows);
@@ -69,12 +69,20 @@ impl Bands {
         Self { side, rows, slots, slot_rows, pitch, len, window: *window, cin }
     }
 
+    /// Bytes of a whole band.
+    pub(crate) fn bytes(&self, kernels: &Kernels) -> usize {
+        self.len.saturating_mul(kernels.code_bytes())
+    }
+
     /// Where `rows` output rows lie in a band.
-    pub(crate) fn geometry(&self, rows: usize) -> Geometry {
+    pub(crate) fn geometry(&self, rows: usize, kernels: &Kernels) -> Geometry {
+        let code = kernels.code_bytes();
+        let pitch = self.pitch.saturating_mul(code);
         Geometry {
-            pitch: self.pitch,
-            step: self.window.stride * self.cin,
-            row_step: self.window.stride * self.pitch,
+            code,
+            pitch,
+            step: self.window.stride * self.cin * code,
+            row_step: self.window.stride * pitch,
             rows,
             cols: self.side,
         }
@@ -89,22 +97,45 @@ impl Bands {
         kernels: &Kernels,
         band: &mut [u8],
     ) {
-        let flip = kernels.flip();
-        vector::run(kernels.level(), Fill { bands: self, inputs, first, rows, flip, band });
+        let (bands, flip) = (self, kernels.flip());
+        if kernels.code_bytes() == 1 {
+            vector::run(kernels.level(), Fill { bands, inputs, first, rows, flip, band });
+        } else if let Ok(band) = bytemuck::try_cast_slice_mut::<u8, i16>(band) {
+            vector::run(kernels.level(), Fill { bands, inputs, first, rows, flip, band });
+        }
     }
 }
 
-/// Gathers one band; codes are stored xor `flip`.
-struct Fill<'b, I> {
+/// A code as it lies in a band.
+trait Code: Copy + Default {
+    fn of(code: i8, flip: u8) -> Self;
+}
+
+impl Code for u8 {
+    #[inline(always)]
+    fn of(code: i8, flip: u8) -> Self {
+        code.cast_unsigned() ^ flip
+    }
+}
+
+impl Code for i16 {
+    #[inline(always)]
+    fn of(code: i8, _flip: u8) -> Self {
+        Self::from(code)
+    }
+}
+
+/// Gathers one band; codes of one byte are stored xor `flip`.
+struct Fill<'b, I, C> {
     bands: &'b Bands,
     inputs: I,
     first: usize,
     rows: usize,
     flip: u8,
-    band: &'b mut [u8],
+    band: &'b mut [C],
 }
 
-impl<'a, I: Iterator<Item = Input<'a>> + Clone> Job for Fill<'_, I> {
+impl<'a, I: Iterator<Item = Input<'a>> + Clone, C: Code> Job for Fill<'_, I, C> {
     type Output = ();
 
     #[inline(always)]
@@ -122,20 +153,20 @@ impl<'a, I: Iterator<Item = Input<'a>> + Clone> Job for Fill<'_, I> {
 impl Bands {
     /// One padded row; `from` is the input row, or `None` above the image.
     #[inline(always)]
-    fn fill_row<'a>(
+    fn fill_row<'a, C: Code>(
         &self,
         inputs: impl Iterator<Item = Input<'a>>,
         from: Option<usize>,
         flip: u8,
-        line: &mut [u8],
+        line: &mut [C],
     ) {
         let [_, left, _, right] = self.window.pad;
         let width = self.side * self.window.stride;
         let (line, slack) = line.split_at_mut(((left + width + right) * self.cin).min(line.len()));
-        slack.fill(0);
+        slack.fill(C::default());
         let mut channel = 0;
         for input in inputs {
-            let zero = input.zero_point.cast_unsigned() ^ flip;
+            let zero = C::of(input.zero_point, flip);
             let y = from.map(|y| if input.upsample { y / 2 } else { y });
             let row_len = input.side * input.channels;
             let source = y.and_then(|y| input.data.get(y * row_len..(y + 1) * row_len));
@@ -173,29 +204,29 @@ impl Bands {
 
 /// The `count` channels from `channel` of every pixel of a line.
 #[inline(always)]
-fn pixels(line: &mut [u8], cin: usize, channel: usize, count: usize) -> impl Iterator<Item = &mut [u8]> {
+fn pixels<C>(line: &mut [C], cin: usize, channel: usize, count: usize) -> impl Iterator<Item = &mut [C]> {
     line.chunks_exact_mut(cin).map(move |pixel| pixel.get_mut(channel..channel + count).unwrap_or(&mut []))
 }
 
 /// Copies codes xor `flip` in the widest steps that fit, the last one over codes already copied: channel counts are too
 /// small for a call of `memcpy`. The slices are of one length.
 #[inline(always)]
-fn copy_flipped(codes: &[i8], flip: u8, out: &mut [u8]) {
+fn copy_flipped<C: Code>(codes: &[i8], flip: u8, out: &mut [C]) {
     if codes.len() >= 64 {
-        copy_by::<64>(codes, flip, out);
+        copy_by::<64, C>(codes, flip, out);
     } else if codes.len() >= 32 {
-        copy_by::<32>(codes, flip, out);
+        copy_by::<32, C>(codes, flip, out);
     } else if codes.len() >= 16 {
-        copy_by::<16>(codes, flip, out);
+        copy_by::<16, C>(codes, flip, out);
     } else if codes.len() >= 8 {
-        copy_by::<8>(codes, flip, out);
+        copy_by::<8, C>(codes, flip, out);
     } else {
-        copy_by::<1>(codes, flip, out);
+        copy_by::<1, C>(codes, flip, out);
     }
 }
 
 #[inline(always)]
-fn copy_by<const N: usize>(codes: &[i8], flip: u8, out: &mut [u8]) {
+fn copy_by<const N: usize, C: Code>(codes: &[i8], flip: u8, out: &mut [C]) {
     for (out, codes) in out.as_chunks_mut::<N>().0.iter_mut().zip(codes.as_chunks::<N>().0) {
         copy_chunk(codes, flip, out);
     }
@@ -206,10 +237,10 @@ fn copy_by<const N: usize>(codes: &[i8], flip: u8, out: &mut [u8]) {
 
 /// By way of a copy: loads all come before stores, which the compiler needs to know to make one vector of each.
 #[inline(always)]
-fn copy_chunk<const N: usize>(codes: &[i8; N], flip: u8, out: &mut [u8; N]) {
-    let mut chunk = [0; N];
+fn copy_chunk<const N: usize, C: Code>(codes: &[i8; N], flip: u8, out: &mut [C; N]) {
+    let mut chunk = [C::default(); N];
     for (slot, &q) in chunk.iter_mut().zip(codes) {
-        *slot = q.cast_unsigned() ^ flip;
+        *slot = C::of(q, flip);
     }
     *out = chunk;
 }
@@ -231,11 +262,16 @@ mod tests {
         let window = Window { height: 3, width: 3, stride: 1, pad: [1, 1, 1, 1] };
         let bands = Bands::new(&window, 7, 6);
         for kernels in crate::kernels::ALL.iter().filter(|k| k.level().is_supported()) {
-            let flip = kernels.flip();
+            let (flip, size) = (kernels.flip(), kernels.code_bytes());
             for start in 0..6 {
                 let rows = bands.rows.min(6 - start);
-                let mut band = vec![0xEE; bands.len];
-                bands.fill(inputs.iter().copied(), start, rows, kernels, &mut band);
+                let mut words = vec![0xEEEE_u16; bands.bytes(kernels).div_ceil(2)];
+                let band: &mut [u8] = bytemuck::cast_slice_mut(&mut words);
+                bands.fill(inputs.iter().copied(), start, rows, kernels, band);
+                let at = |index: usize| match size {
+                    1 => i16::from((band[index] ^ flip).cast_signed()),
+                    _ => i16::from_ne_bytes([band[2 * index], band[2 * index + 1]]),
+                };
                 for row in 0..rows + 2 {
                     for column in 0..8_usize {
                         for c in 0..7 {
@@ -246,10 +282,11 @@ mod tests {
                                 (true, true) => first[((y / 2) * 3 + x / 2) * 4 + c],
                                 (true, false) => second[(y * 6 + x) * 3 + c - 4],
                             };
-                            assert_eq!(band[row * bands.pitch + column * 7 + c], want as u8 ^ flip);
+                            assert_eq!(at(row * bands.pitch + column * 7 + c), i16::from(want));
                         }
                     }
-                    assert!(band[row * bands.pitch + 8 * 7..(row + 1) * bands.pitch].iter().all(|&b| b == 0));
+                    let slack = &band[(row * bands.pitch + 8 * 7) * size..(row + 1) * bands.pitch * size];
+                    assert!(slack.iter().all(|&b| b == 0));
                 }
             }
         }

@@ -143,7 +143,7 @@ impl<'m> Network<'m> {
     /// # Errors
     /// [`Error::NetworkSize`] unless `size` is a multiple of the graph's [`Graph::multiple`] and not too large.
     pub fn new(model: Model<'m>, size: usize, kernels: &'static Kernels) -> Result<Self, Error> {
-        let plan = Plan::new(&model.graph, size)?;
+        let plan = Plan::new(&model.graph, size, kernels)?;
         Ok(Self { model, plan, kernels })
     }
 

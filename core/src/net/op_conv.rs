@@ -14,10 +14,10 @@ pub(super) fn shape(conv: &Conv<'_>) -> pack::Shape {
 }
 
 /// Scratch that [`run`] takes, for `side x side` output pixels.
-pub(super) fn scratch_bytes(conv: &Conv<'_>, side: usize) -> usize {
+pub(super) fn scratch_bytes(conv: &Conv<'_>, side: usize, kernels: &Kernels) -> usize {
     let bands = Bands::new(&conv.window, conv.cin, side);
     let channels = shape(conv).panels() * pack::PANEL;
-    bytes_for::<u8>(bands.slots.saturating_mul(bands.len))
+    bytes_for::<u8>(bands.slots.saturating_mul(bands.bytes(kernels)))
         .saturating_add(bytes_for::<i32>(channels))
         .saturating_add(bytes_for::<f32>(channels))
 }
@@ -55,7 +55,7 @@ pub(super) fn run<'a>(
     let shape = shape(conv);
     let bands = Bands::new(&conv.window, conv.cin, side);
     let channels = shape.panels() * pack::PANEL;
-    let band_bytes = scratch.take::<u8>(bands.slots.saturating_mul(bands.len))?;
+    let band_bytes = scratch.take::<u8>(bands.slots.saturating_mul(bands.bytes(kernels)))?;
     let offset = scratch.take::<i32>(channels)?;
     let multiplier = scratch.zeroed::<f32>(channels)?;
     let sum = |source: usize, channel: usize| nth(conv.sums.run(source, conv.cout), channel);
@@ -64,14 +64,15 @@ pub(super) fn run<'a>(
     let requant = Requant { multiplier, range };
     let (offset, row_len) = (&*offset, side * conv.cout);
     // One probe of the largest block: the blocks below cannot fail where it did not.
-    Block::new(band_bytes, bands.geometry(bands.rows.min(side)), shape, conv.weights, offset)?;
-    let planes = (Plane::new(output, bands.slot_rows * row_len), Plane::new(band_bytes, bands.len));
+    Block::new(band_bytes, bands.geometry(bands.rows.min(side), kernels), shape, conv.weights, offset)?;
+    let planes =
+        (Plane::new(output, bands.slot_rows * row_len), Plane::new(band_bytes, bands.bytes(kernels)));
     for_each_row_block(exec, bands.slots, 1, planes, &|slot, (mut out, mut band)| {
         let (mut first, band) = (slot.start * bands.slot_rows, band.values());
         for out in out.values().chunks_mut(bands.rows * row_len) {
             let rows = out.len() / row_len;
             bands.fill(inputs.clone(), first, rows, kernels, band);
-            let block = Block::new(band, bands.geometry(rows), shape, conv.weights, offset);
+            let block = Block::new(band, bands.geometry(rows, kernels), shape, conv.weights, offset);
             let done = block.and_then(|block| kernels.convolve(&block, &requant, out));
             debug_assert!(done.is_ok(), "{done:?}");
             first += rows;

@@ -21,7 +21,7 @@ fn shape(head: &MixHead<'_>) -> pack::Shape {
 }
 
 /// Scratch that [`run`] takes, for `side x side` pixels before the shuffle.
-pub(super) fn scratch_bytes(head: &MixHead<'_>, side: usize) -> usize {
+pub(super) fn scratch_bytes(head: &MixHead<'_>, side: usize, kernels: &Kernels) -> usize {
     let (shape, bands) = (shape(head), Bands::new(&head.window, head.cin, side));
     let sums = bands.rows.saturating_mul(side).saturating_mul(head.cout);
     [
@@ -30,7 +30,7 @@ pub(super) fn scratch_bytes(head: &MixHead<'_>, side: usize) -> usize {
         bytes_for::<i8>(shape.packed_len()),
         3 * bytes_for::<f32>(shape.panels() * pack::PANEL),
         bytes_for::<i32>(2 * head.cout),
-        bytes_for::<u8>(bands.slots.saturating_mul(bands.len)),
+        bytes_for::<u8>(bands.slots.saturating_mul(bands.bytes(kernels))),
         bytes_for::<i32>(bands.slots.saturating_mul(sums)),
     ]
     .into_iter()
@@ -123,13 +123,13 @@ pub(super) fn run<'a>(
     let mixed = prepare(head, probabilities, inputs.clone(), kernels, &mut scratch)?;
     let (shape, bands) = (shape(head), Bands::new(&head.window, head.cin, side));
     let sums_len = bands.rows * side * head.cout;
-    let band_bytes = scratch.take::<u8>(bands.slots.saturating_mul(bands.len))?;
+    let band_bytes = scratch.take::<u8>(bands.slots.saturating_mul(bands.bytes(kernels)))?;
     let sums = scratch.take::<i32>(bands.slots.saturating_mul(sums_len))?;
     // One probe of the largest block: the blocks below cannot fail where it did not.
-    Block::new(band_bytes, bands.geometry(bands.rows.min(side)), shape, mixed.packed, mixed.offset)?;
+    Block::new(band_bytes, bands.geometry(bands.rows.min(side), kernels), shape, mixed.packed, mixed.offset)?;
     let row_len = side * head.shuffle * head.shuffle;
     let planes = planes.map(|plane| Plane::new(plane, bands.slot_rows * row_len));
-    let parts = (planes, Plane::new(band_bytes, bands.len), Plane::new(sums, sums_len));
+    let parts = (planes, Plane::new(band_bytes, bands.bytes(kernels)), Plane::new(sums, sums_len));
     for_each_row_block(exec, bands.slots, 1, parts, &|slot, (planes, mut band, mut sums)| {
         let (band, sums) = (band.values(), sums.values());
         let start = slot.start * bands.slot_rows;
@@ -139,7 +139,7 @@ pub(super) fn run<'a>(
             let rows = bands.rows.min(end - first);
             bands.fill(inputs.clone().map(|(input, _)| input), first, rows, kernels, band);
             let sums = sums.get_mut(..rows * side * head.cout).unwrap_or(&mut []);
-            let block = Block::new(band, bands.geometry(rows), shape, mixed.packed, mixed.offset);
+            let block = Block::new(band, bands.geometry(rows, kernels), shape, mixed.packed, mixed.offset);
             let done = block.and_then(|block| kernels.accumulate(&block, sums));
             debug_assert!(done.is_ok(), "{done:?}");
             let skip = (first - start) * row_len;
@@ -203,6 +203,8 @@ fn shuffle_row<const R: usize>(mixed: &Mixed<'_>, first: usize, cout: usize, sum
     );
     for (out, pixel) in line.as_chunks_mut::<R>().0.iter_mut().zip(sums.chunks_exact(cout)) {
         let Some(acc) = pixel.get(first..).and_then(<[i32]>::first_chunk::<R>) else { return };
-        *out = core::array::from_fn(|j| acc[j] as f32 * scale[j] + bias[j]);
+        for (((out, &acc), scale), bias) in out.iter_mut().zip(acc).zip(&scale).zip(&bias) {
+            *out = acc as f32 * scale + bias;
+        }
     }
 }

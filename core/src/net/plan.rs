@@ -4,6 +4,7 @@ use super::{op_conv, op_mix};
 use crate::Error;
 use crate::arena::{ALIGN, bytes_for};
 use crate::frame::MAX_SIZE;
+use crate::kernels::Kernels;
 
 /// A tensor's place: first element and number of elements (bytes of an image, floats of a vector).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -32,7 +33,7 @@ pub(super) struct Plan {
 
 impl Plan {
     /// Places the tensors of `graph` for an input of `size`: first fit, in the order of execution.
-    pub(super) fn new(graph: &Graph<'_>, size: usize) -> Result<Self, Error> {
+    pub(super) fn new(graph: &Graph<'_>, size: usize, kernels: &Kernels) -> Result<Self, Error> {
         let multiple = graph.multiple();
         if size == 0 || size > MAX_SIZE || !size.is_multiple_of(multiple) {
             return Err(Error::NetworkSize { size, multiple });
@@ -56,8 +57,8 @@ impl Plan {
         }
         for layer in graph.layers() {
             let scratch = match &layer.op {
-                Op::Conv(conv) => op_conv::scratch_bytes(conv, plan.side(graph, conv.output)),
-                Op::MixHead(head) => op_mix::scratch_bytes(head, size / head.shuffle),
+                Op::Conv(conv) => op_conv::scratch_bytes(conv, plan.side(graph, conv.output), kernels),
+                Op::MixHead(head) => op_mix::scratch_bytes(head, size / head.shuffle, kernels),
                 Op::MeanPool(_) | Op::Dense(_) => 0,
             };
             plan.scratch = plan.scratch.max(scratch);

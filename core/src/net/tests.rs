@@ -123,7 +123,7 @@ fn convolutions_equal_the_textbook_on_every_level() {
         };
         let expected: Vec<i8> = exact.iter().enumerate().map(code).collect();
         for kernels in &levels {
-            let mut bytes = vec![0xA5; op_conv::scratch_bytes(&conv, side)];
+            let mut bytes = vec![0xA5; op_conv::scratch_bytes(&conv, side, kernels)];
             let mut out = vec![0; expected.len()];
             let how = (*kernels, &Inline as _);
             op_conv::run(
@@ -255,7 +255,7 @@ fn mixing_the_weights_is_mixing_the_outputs() {
         let n = side * r;
         let mut first: Option<Vec<f32>> = None;
         for kernels in &levels {
-            let mut bytes = vec![0x5A; op_mix::scratch_bytes(&layer, side)];
+            let mut bytes = vec![0x5A; op_mix::scratch_bytes(&layer, side, kernels)];
             let mut out = vec![0.0; 3 * n * n];
             let planes = super::split3(&mut out, n * n);
             let pairs = inputs.iter().copied().zip(scales);

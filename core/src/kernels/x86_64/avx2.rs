@@ -1,14 +1,16 @@
-//! AVX2: activations and weights are widened to 16 bits and multiplied with `vpmaddwd`, which is exact; `vpmaddubsw`,
-//! which saturates, is never used. Tile: 4 pixels x 8 channels (half a panel) in 8 registers.
+//! AVX2: activations (widened to 16 bits when the band is gathered) and weights (widened here) are multiplied with
+//! `vpmaddwd`, which is exact; `vpmaddubsw`, which saturates, is never used. Tile: 4 pixels x 8 channels (half a panel) in
+//! 8 registers.
 #![allow(unsafe_code)]
 use super::super::pack::{BLOCK, GROUP, PANEL};
 use super::super::tiles::{Tile, Tiles};
 use super::super::{Block, Kernels, Level, Requant};
 use core::arch::x86_64::{
-    __m256i, _mm_loadu_si128, _mm_set1_epi32, _mm256_add_epi32, _mm256_cvtepi8_epi16, _mm256_cvtepi32_ps,
-    _mm256_cvtps_epi32, _mm256_hadd_epi32, _mm256_loadu_ps, _mm256_loadu_si256, _mm256_madd_epi16,
-    _mm256_max_ps, _mm256_min_ps, _mm256_mul_ps, _mm256_permute4x64_epi64, _mm256_set1_epi32, _mm256_set1_ps,
-    _mm256_setzero_si256, _mm256_storeu_si256,
+    __m256i, _mm_cvtsi128_si64, _mm_loadu_si128, _mm_packs_epi16, _mm_packs_epi32, _mm256_add_epi32,
+    _mm256_castsi256_si128, _mm256_cvtepi8_epi16, _mm256_cvtepi32_ps, _mm256_cvtps_epi32,
+    _mm256_extracti128_si256, _mm256_hadd_epi32, _mm256_loadu_ps, _mm256_loadu_si256, _mm256_madd_epi16,
+    _mm256_max_ps, _mm256_min_ps, _mm256_mul_ps, _mm256_permute4x64_epi64, _mm256_set1_epi32,
+    _mm256_set1_epi64x, _mm256_set1_ps, _mm256_setzero_si256, _mm256_storeu_si256,
 };
 
 /// Channels in half a panel.
@@ -16,7 +18,7 @@ const HALF: usize = PANEL / 2;
 
 /// The kernels of [`Level::Avx2`].
 pub(in super::super) static KERNELS: Kernels =
-    Kernels { name: "avx2-conv-i8", level: Level::Avx2, flip: 0, conv: convolve, accumulate };
+    Kernels { name: "avx2-conv-i8", level: Level::Avx2, flip: 0, code_bytes: 2, conv: convolve, accumulate };
 
 /// Where finished accumulators go.
 enum Out<'a> {
@@ -66,12 +68,12 @@ fn multiply<const W: usize>(block: &Block<'_>, tile: &Tile, half: usize, out: &m
                 let low = _mm256_cvtepi8_epi16(_mm_loadu_si128(weights.cast()));
                 let high = _mm256_cvtepi8_epi16(_mm_loadu_si128(weights.add(BLOCK / 4).cast()));
                 for (i, pixel) in acc.iter_mut().enumerate() {
-                    let four = input.add(i * step).cast::<i32>().read_unaligned();
-                    let wide = _mm256_cvtepi8_epi16(_mm_set1_epi32(four));
+                    let four = input.add(i * step).cast::<i64>().read_unaligned();
+                    let wide = _mm256_set1_epi64x(four);
                     pixel[0] = _mm256_add_epi32(pixel[0], _mm256_madd_epi16(wide, low));
                     pixel[1] = _mm256_add_epi32(pixel[1], _mm256_madd_epi16(wide, high));
                 }
-                input = input.add(GROUP);
+                input = input.add(2 * GROUP);
                 weights = weights.add(BLOCK);
             }
         }
@@ -88,29 +90,33 @@ fn store(block: &Block<'_>, pixel: usize, half: usize, sums: __m256i, out: &mut 
     let (cout, first) = (block.shape.cout, half * HALF);
     let lanes = (cout - first).min(HALF);
     let at = pixel * cout + first;
-    let mut values = [0_i32; HALF];
-    // SAFETY: `Block::new` checked one offset, `Kernels::convolve` one multiplier per packed channel; `values` is 32
-    // bytes long.
-    unsafe {
-        let offset = _mm256_loadu_si256(block.offset.as_ptr().add(first).cast());
-        let mut result = _mm256_add_epi32(sums, offset);
-        if let Out::Codes(requant, _) = out {
+    // SAFETY: `Block::new` checked one offset per packed channel.
+    let offset = unsafe { _mm256_loadu_si256(block.offset.as_ptr().add(first).cast()) };
+    let sums = _mm256_add_epi32(sums, offset);
+    match out {
+        Out::Codes(requant, out) => {
             let (low, high) = requant.range.product_bounds();
-            let multiplier = _mm256_loadu_ps(requant.multiplier.as_ptr().add(first));
-            let product = _mm256_mul_ps(_mm256_cvtepi32_ps(result), multiplier);
+            // SAFETY: `Kernels::convolve` checked one multiplier per packed channel.
+            let multiplier = unsafe { _mm256_loadu_ps(requant.multiplier.as_ptr().add(first)) };
+            let product = _mm256_mul_ps(_mm256_cvtepi32_ps(sums), multiplier);
             let clamped = _mm256_min_ps(_mm256_max_ps(product, _mm256_set1_ps(low)), _mm256_set1_ps(high));
             // Rounds half to even: Rust code always runs in the default rounding mode.
             let zero_point = _mm256_set1_epi32(i32::from(requant.range.zero_point));
-            result = _mm256_add_epi32(_mm256_cvtps_epi32(clamped), zero_point);
-        }
-        _mm256_storeu_si256(values.as_mut_ptr().cast(), result);
-    }
-    match out {
-        Out::Codes(_, out) => {
-            for (code, &value) in out[at..at + lanes].iter_mut().zip(&values) {
-                *code = value as i8;
+            let codes = _mm256_add_epi32(_mm256_cvtps_epi32(clamped), zero_point);
+            let words = _mm_packs_epi32(_mm256_castsi256_si128(codes), _mm256_extracti128_si256::<1>(codes));
+            let bytes = _mm_cvtsi128_si64(_mm_packs_epi16(words, words)).to_le_bytes();
+            let out = &mut out[at..at + lanes];
+            if let Some(eight) = out.first_chunk_mut::<HALF>() {
+                *eight = bytes.map(u8::cast_signed);
+            } else {
+                out.iter_mut().zip(bytes).for_each(|(code, byte)| *code = byte.cast_signed());
             }
         }
-        Out::Sums(out) => out[at..at + lanes].copy_from_slice(&values[..lanes]),
+        Out::Sums(out) => {
+            let mut values = [0_i32; HALF];
+            // SAFETY: `values` is 32 bytes long.
+            unsafe { _mm256_storeu_si256(values.as_mut_ptr().cast(), sums) };
+            out[at..at + lanes].copy_from_slice(&values[..lanes]);
+        }
     }
 }

@@ -12,8 +12,14 @@ use core::arch::x86_64::{
 };
 
 /// The kernels of [`Level::Avx512Vnni`].
-pub(in super::super) static KERNELS: Kernels =
-    Kernels { name: "avx512vnni-conv-i8", level: Level::Avx512Vnni, flip: 0x80, conv: convolve, accumulate };
+pub(in super::super) static KERNELS: Kernels = Kernels {
+    name: "avx512vnni-conv-i8",
+    level: Level::Avx512Vnni,
+    flip: 0x80,
+    code_bytes: 1,
+    conv: convolve,
+    accumulate,
+};
 
 /// Where finished accumulators go.
 enum Out<'a> {
