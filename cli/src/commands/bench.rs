@@ -1,11 +1,14 @@
-//! `flashmat bench`: how long each stage takes at several sizes, CPU levels and thread counts.
+//! `flashmat bench`: how long each stage takes at several sizes, CPU levels and thread counts; the network against the
+//! peak of its instructions, measured in the same run; the start.
 use super::capture::{RunArgs, map_size};
 use super::{complain, say};
 use crate::engine::{self, Engine, Loaded, ModelFile, Settings, Timings};
 use crate::failure::Failure;
 use crate::interrupt;
 use crate::photo::{Photo, Pixels};
+use flashmat_core::kernels::Level;
 use std::path::Path;
+use std::time::Instant;
 
 /// What to time.
 #[derive(clap::Args)]
@@ -71,6 +74,86 @@ fn bench(args: &BenchArgs) -> Result<(), Failure> {
             }
         }
     }
+    network(args, &model, &levels, &threads)?;
+    if args.run.level().is_none() {
+        start(args, &photo)?;
+    }
+    Ok(())
+}
+
+/// The network alone: work per second, as a share of what the level's instructions can do on registers.
+fn network(args: &BenchArgs, model: &Loaded<'_>, levels: &[Level], threads: &[usize]) -> Result<(), Failure> {
+    say(
+        "\nnetwork alone; moved: every layer's sources, weights and result once; peak: dot products on registers, one thread\n",
+    );
+    say(&format!(
+        "{:>5} {:>11} {:>7} | {:>9} {:>9} {:>7} {:>9} {:>9} {:>6} {:>9} | {:>9}",
+        "size",
+        "level",
+        "threads",
+        "median",
+        "best",
+        "GMAC",
+        "GMAC/s",
+        "peak",
+        "share",
+        "MB moved",
+        "workspace"
+    ));
+    let graph = model.model.graph();
+    for &size in &args.size {
+        let work = graph.macs(size) as f64 * 1e-9;
+        for &level in levels {
+            let peak = engine::net::peak_rate(level).map(|rate| rate * 1e-9);
+            for &threads in threads {
+                if interrupt::flow().is_break() {
+                    return Ok(());
+                }
+                let runs = usize::from(args.runs).max(if level == Level::Scalar { 1 } else { 7 });
+                let times = engine::net::time(&model.model, size, level, threads, runs)
+                    .map_err(|e| Failure::core(Path::new("bench"), &e))?;
+                let rate = work / times.best * 1e3;
+                let of = |peak: f64| format!("{:.0} %", 100.0 * rate / (peak * threads as f64));
+                say(&format!(
+                    "{size:>5} {:>11} {threads:>7} | {:>9.2} {:>9.2} {work:>7.3} {rate:>9.1} {:>9} {:>6} {:>9.1} | {:>5.1} MiB",
+                    level.name(),
+                    times.median,
+                    times.best,
+                    peak.map_or_else(|| "-".to_owned(), |peak| format!("{peak:.1}")),
+                    peak.map_or_else(|| "-".to_owned(), of),
+                    graph.bytes_moved(size) as f64 * 1e-6,
+                    times.workspace as f64 / f64::from(1 << 20),
+                ));
+            }
+        }
+    }
+    Ok(())
+}
+
+/// From a model's bytes to the first material, against a capture of a running engine.
+fn start(args: &BenchArgs, photo: &Photo) -> Result<(), Failure> {
+    let ms = |since: Instant| since.elapsed().as_secs_f64() * 1e3;
+    let settings = Settings { engine: args.run.engine, ..Settings::default() };
+    let begin = Instant::now();
+    let file = ModelFile::load(args.run.model.as_deref())?;
+    let model = file.parse()?;
+    let loaded = ms(begin);
+    let mut engine = Engine::new(&model, &settings)?;
+    let mut capture = || {
+        let begin = Instant::now();
+        let done = engine.capture(photo, &mut |_, _| interrupt::flow());
+        done.map(|_| ms(begin)).map_err(|e| Failure::core(Path::new("bench"), &e))
+    };
+    capture()?;
+    let first = ms(begin);
+    let mut warm = (0..args.runs.max(3)).map(|_| capture()).collect::<Result<Vec<f64>, Failure>>()?;
+    warm.sort_by(f64::total_cmp);
+    let warm = warm.get(warm.len() / 2).copied().unwrap_or(0.0);
+    say(&format!(
+        "\nstart at {}: model loaded after {loaded:.1} ms, first material after {first:.1} ms; warm {warm:.1} ms, {:.2} times that",
+        settings.size,
+        first / warm.max(1e-9)
+    ));
     Ok(())
 }
 

@@ -2,6 +2,7 @@
 mod clock;
 pub(crate) mod light;
 mod model;
+pub(crate) mod net;
 pub(crate) mod rewrite;
 
 pub(crate) use clock::Timings;

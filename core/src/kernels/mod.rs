@@ -11,6 +11,7 @@
 mod aarch64;
 mod level;
 pub mod pack;
+pub mod peak;
 mod scalar;
 mod simd;
 #[cfg(test)]

@@ -271,6 +271,28 @@ impl<'m> Graph<'m> {
         self.layers.iter().map(|layer| self.layer_macs(layer, size)).sum()
     }
 
+    /// Bytes that one run at `size` must move at least: every layer's sources and weights once, and what it writes.
+    #[must_use]
+    pub fn bytes_moved(&self, size: usize) -> u64 {
+        let image = |number: usize| {
+            self.tensors.get(number).map_or(0, |t| {
+                let side = t.side(size);
+                if t.is_image() { side * side * t.channels } else { 4 * t.channels }
+            })
+        };
+        let layer = |layer: &Layer<'_>| {
+            let read: usize = layer.op.inputs().map(image).sum();
+            let (weights, map) = match &layer.op {
+                Op::Conv(c) => (c.weights.len(), 0),
+                Op::Dense(d) => (4 * d.weights.len(), 0),
+                Op::MeanPool(_) => (0, 0),
+                Op::MixHead(h) => (4 * h.weights.len(), 4 * size * size * h.map.channels()),
+            };
+            (read + weights + map + layer.op.output().map_or(0, image)) as u64
+        };
+        self.layers.iter().map(layer).sum()
+    }
+
     /// Multiply-accumulates of one layer at `size`.
     #[must_use]
     pub fn layer_macs(&self, layer: &Layer<'_>, size: usize) -> u64 {
