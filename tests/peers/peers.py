@@ -72,12 +72,12 @@ def photo(size: int, seed: int) -> np.ndarray:
 
 
 def network_input(rgb: np.ndarray) -> np.ndarray:
-    """What core/src/net/op_input.rs makes of a photo: 8-bit sRGB codes and the coordinates, (1,5,n,n)."""
+    """What core/src/net/op_input.rs makes of a photo: 8-bit sRGB codes and the coordinates, (1,6,n,n), light unknown."""
     size = rgb.shape[1]
     encoded = np.where(rgb <= 0.0031308, 12.92 * rgb, 1.055 * np.maximum(rgb, 1e-9) ** (1 / 2.4) - 0.055)
     centre = (np.arange(size) + 0.5) / size
     across = np.broadcast_to(centre, (size, size))
-    planes = np.stack([*encoded, across, np.ascontiguousarray(across[::-1, ::-1].T)])
+    planes = np.stack([*encoded, across, np.ascontiguousarray(across[::-1, ::-1].T), np.zeros((size, size))])
     return (np.rint(planes * 255) / 255).astype(np.float32)[None]
 
 

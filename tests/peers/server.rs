@@ -48,7 +48,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let file = std::fs::read(photo)?;
     let rgb: Vec<f32> = file.as_chunks::<4>().0.iter().map(|b| f32::from_le_bytes(*b)).collect();
     let (pixels, clipped) = (size * size, vec![0; size * size]);
-    let photo = LinearImage { size, rgb: &rgb, clipped: &clipped, fov_deg: 43.35 };
+    let photo = LinearImage { size, rgb: &rgb, clipped: &clipped, fov_deg: 43.35, light_scale: None };
     let mut workspace = vec![0; engine.workspace_bytes()];
     let mut planes = vec![0.0_f32; 7 * pixels];
     let mut run = |planes: &mut [f32]| {

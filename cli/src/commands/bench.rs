@@ -83,9 +83,10 @@ fn bench(args: &BenchArgs) -> Result<(), Failure> {
 
 /// The network alone: work per second, as a share of what the level's instructions can do on registers.
 fn network(args: &BenchArgs, model: &Loaded<'_>, levels: &[Level], threads: &[usize]) -> Result<(), Failure> {
-    say(
-        "\nnetwork alone; moved: every layer's sources, weights and result once; peak: dot products on registers, one thread\n",
-    );
+    say(&format!(
+        "\nnetwork alone; moved: every layer's sources, weights and result once; {}\n",
+        "peak: dot products on registers, one thread"
+    ));
     say(&format!(
         "{:>5} {:>11} {:>7} | {:>9} {:>9} {:>7} {:>9} {:>9} {:>6} {:>9} | {:>9}",
         "size",

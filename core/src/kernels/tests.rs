@@ -24,7 +24,7 @@ impl Case {
         let (rows, cols, step) = (random.range(1, 4), random.range(1, 27), random.range(1, 40));
         // Odd distances: nothing may depend on alignment.
         let pitch = (cols - 1) * step + shape.groups() * pack::GROUP + random.range(0, 9);
-        let geometry = Geometry { pitch, step, row_step: random.range(1, 2) * pitch, rows, cols };
+        let geometry = Geometry { code: 1, pitch, step, row_step: random.range(1, 2) * pitch, rows, cols };
         // Exactly as long as a block needs: a read past the end is a read past the allocation.
         let codes = random.codes(geometry.band_len(&shape));
         let plain = random.weights(shape.plain_len());
@@ -45,7 +45,7 @@ impl Case {
 
     /// Finished sums, `[pixel][channel]`.
     fn sums(&self) -> Vec<i64> {
-        let Geometry { pitch, step, row_step, rows, cols } = self.geometry;
+        let Geometry { pitch, step, row_step, rows, cols, .. } = self.geometry;
         let Shape { cout, height, run, .. } = self.shape;
         let mut out = Vec::new();
         for pixel in 0..rows * cols {
@@ -64,14 +64,20 @@ impl Case {
 
     /// Sums and codes of one level.
     fn run(&self, kernels: &Kernels, range: Range) -> (Vec<i32>, Vec<i8>) {
-        let band: Vec<u8> = self.codes.iter().map(|q| q.cast_unsigned() ^ kernels.flip()).collect();
+        let size = kernels.code_bytes();
+        let band: Vec<u8> = match size {
+            1 => self.codes.iter().map(|q| q.cast_unsigned() ^ kernels.flip()).collect(),
+            _ => self.codes.iter().flat_map(|&q| i16::from(q).to_ne_bytes()).collect(),
+        };
+        let Geometry { pitch, step, row_step, rows, cols, .. } = self.geometry;
+        let (pitch, step, row_step) = (pitch * size, step * size, row_step * size);
+        let geometry = Geometry { code: size, pitch, step, row_step, rows, cols };
         let mut offset = self.offset.clone();
         let per_channel = self.plain.chunks_exact(self.shape.height * self.shape.run);
         for (offset, weights) in offset.iter_mut().zip(per_channel) {
             *offset -= kernels.flip_bias() * weights.iter().map(|&w| i32::from(w)).sum::<i32>();
         }
-        let block =
-            Block::new(&band, self.geometry, self.shape, &self.packed, &offset).expect("all is there");
+        let block = Block::new(&band, geometry, self.shape, &self.packed, &offset).expect("all is there");
         let count = self.geometry.rows * self.geometry.cols * self.shape.cout;
         let (mut sums, mut codes) = (vec![0x55; count], vec![0x55; count]);
         kernels.accumulate(&block, &mut sums).expect("long enough");
@@ -111,8 +117,14 @@ fn extreme_products_neither_saturate_nor_wrap() {
         for run in 1..=40 {
             let mut case = Case::random(&mut Random(run as u64));
             let shape = Shape { run, cin: run, ..case.shape };
-            let geometry =
-                Geometry { pitch: 200, step: 3, row_step: 200, rows: case.geometry.rows.min(2), cols: 13 };
+            let geometry = Geometry {
+                code: 1,
+                pitch: 200,
+                step: 3,
+                row_step: 200,
+                rows: case.geometry.rows.min(2),
+                cols: 13,
+            };
             case.plain = vec![weight; shape.plain_len()];
             case.packed = Case::pack(&case.plain, &shape);
             case.codes = vec![code; geometry.band_len(&shape)];

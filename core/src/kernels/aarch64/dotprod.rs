@@ -12,8 +12,14 @@ const PIXELS: usize = 8;
 const REST: usize = 4;
 
 /// The kernels of [`Level::DotProd`].
-pub(in super::super) static KERNELS: Kernels =
-    Kernels { name: "dotprod-conv-i8", level: Level::DotProd, flip: 0, conv: convolve, accumulate };
+pub(in super::super) static KERNELS: Kernels = Kernels {
+    name: "dotprod-conv-i8",
+    level: Level::DotProd,
+    flip: 0,
+    code_bytes: 1,
+    conv: convolve,
+    accumulate,
+};
 
 fn convolve(block: &Block<'_>, requant: &Requant<'_>, out: &mut [i8]) {
     // SAFETY: `Kernels::for_level` hands this table out only when the CPU has the features.

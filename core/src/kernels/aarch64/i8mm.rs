@@ -17,7 +17,7 @@ const REST: usize = 4;
 
 /// The kernels of [`Level::I8mm`].
 pub(in super::super) static KERNELS: Kernels =
-    Kernels { name: "i8mm-conv-i8", level: Level::I8mm, flip: 0, conv: convolve, accumulate };
+    Kernels { name: "i8mm-conv-i8", level: Level::I8mm, flip: 0, code_bytes: 1, conv: convolve, accumulate };
 
 fn convolve(block: &Block<'_>, requant: &Requant<'_>, out: &mut [i8]) {
     // SAFETY: `Kernels::for_level` hands this table out only when the CPU has the features.
