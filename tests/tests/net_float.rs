@@ -41,9 +41,7 @@ fn float_tensors_and_maps_are_the_reference() {
     }
 }
 
-/// The toy's weights are random: a channel that outgrows the others leaves its tensor 14 % of the range in use, and
-/// even the calibration photo gets 28.6 dB there (`roughness2`; the numpy reference agrees). The 30 dB that decoders
-/// owe are asked of the trained model, on photos.
+/// Random weights (some seeds leave a tensor little of its range: this one does not); the trained model is asked below.
 #[test]
 fn int8_follows_float_layer_by_layer() {
     let model = Model::from_bytes(TOY_MODEL).expect("the golden model");
@@ -56,7 +54,7 @@ fn int8_follows_float_layer_by_layer() {
             layer.db,
             if layer.feeds_head { "  (decoder output)" } else { "" }
         );
-        assert!(layer.db > 25.0, "{layer:?}");
+        assert!(layer.db > 30.0, "{layer:?}");
     }
 }
 

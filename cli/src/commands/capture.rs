@@ -42,7 +42,7 @@ pub(crate) struct CaptureArgs {
     class: Option<String>,
     /// Linear value that a flat white surface at the centre has in these photos (same exposure, same distance), if
     /// known: measure it once with a sheet of white paper. Without it the albedo's brightness is a guess.
-    #[arg(long, value_name = "S", value_parser = light_scale)]
+    #[arg(long, value_name = "S", value_parser = light_scale, allow_negative_numbers = true)]
     light_scale: Option<f32>,
     #[command(flatten)]
     run: RunArgs,

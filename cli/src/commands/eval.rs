@@ -63,7 +63,7 @@ pub(crate) struct EvalArgs {
     no_refine: bool,
     /// Linear value that a flat white surface at the centre has in these photos, told to the network; 1 in photos of
     /// `testset` and those made here. Without it the albedo's brightness is a guess.
-    #[arg(long, value_name = "S", value_parser = light_scale)]
+    #[arg(long, value_name = "S", value_parser = light_scale, allow_negative_numbers = true)]
     light_scale: Option<f32>,
     /// Also without refinement, both by the float engine, and without the light scale.
     #[arg(long, conflicts_with = "no_refine")]

@@ -54,7 +54,7 @@ pub(crate) struct LearnArgs {
     #[arg(long, value_name = "N", default_value_t = 256, value_parser = map_size)]
     size: usize,
     /// Linear value that a flat white surface at the centre has in these photos, told to the network.
-    #[arg(long, value_name = "S", value_parser = light_scale)]
+    #[arg(long, value_name = "S", value_parser = light_scale, allow_negative_numbers = true)]
     light_scale: Option<f32>,
     /// Photos in a batch.
     #[arg(long, value_name = "N", default_value_t = 32, value_parser = clap::value_parser!(u32).range(1..))]
