@@ -126,7 +126,7 @@ final class MisuseTest {
     private static void call(
             long handle, int[] layout, ByteBuffer pixels, int materialClass, ByteBuffer maps, float[] numbers) {
         NativeBridge.capture(
-                handle, layout, pixels, null, null, 0, 0, 43.35f, materialClass, false, null, maps, numbers);
+                handle, layout, pixels, null, null, 0, 0, 43.35f, 0, materialClass, false, null, maps, numbers);
     }
 
     @Test
