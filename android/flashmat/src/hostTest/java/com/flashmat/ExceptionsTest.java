@@ -129,7 +129,7 @@ final class ExceptionsTest {
     void lightScalesThatMakeNoSense() {
         for (float bad : new float[] {-1, 1e-4f, 2000, Float.NaN, Float.POSITIVE_INFINITY}) {
             CaptureOptions options = new CaptureOptions.Builder().lightScale(bad).build();
-            assertThrows(IllegalArgumentException.class, () -> engine.capture(Toy.frame(), options));
+            assertThrows(FlashmatException.LightScale.class, () -> engine.capture(Toy.frame(), options));
         }
     }
 
