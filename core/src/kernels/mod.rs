@@ -18,7 +18,6 @@ mod simd;
 mod tests;
 #[cfg(target_arch = "x86_64")]
 mod tiles;
-pub(crate) mod vector;
 #[cfg(target_arch = "x86_64")]
 mod x86_64;
 
@@ -74,6 +73,11 @@ impl Kernels {
     #[must_use]
     pub const fn level(&self) -> Level {
         self.level
+    }
+
+    /// The registers of the plain loops around them; the baseline's when this CPU lacks the level.
+    pub(crate) fn simd(&self) -> Simd {
+        Simd::for_level(self.level).unwrap_or(Simd::BASELINE)
     }
 
     /// What band bytes are: codes xor this. 0x80 makes them unsigned (code + 128), for instructions that want that.

@@ -127,4 +127,30 @@ mod tests {
         }
         assert!(checked > 0 && Simd::for_level(Level::Scalar) == Ok(Simd::BASELINE));
     }
+
+    #[test]
+    fn no_level_contracts_products_and_sums() {
+        let x: Vec<f32> = (0..1003).map(|i| 0.1 + (i * 7919 % 1000) as f32 * 1e-3).collect();
+        let mut expected = x.clone();
+        for (out, x) in expected.iter_mut().zip(&x) {
+            // Each operation alone, rounded to single precision by way of double, in which it is exact or nearly so.
+            let scaled = (f64::from(*out) * f64::from(1.000_1_f32)) as f32;
+            let square = (f64::from(*x) * f64::from(*x)) as f32;
+            *out = (f64::from(scaled) + f64::from(square)) as f32;
+        }
+        for level in Level::ALL {
+            let (simd, mut out) = (Simd::for_level(level).unwrap_or(Simd::BASELINE), x.clone());
+            let count = simd.run(
+                #[inline(always)]
+                || {
+                    for (out, x) in out.iter_mut().zip(&x) {
+                        *out = *out * 1.000_1 + x * x;
+                    }
+                    x.len()
+                },
+            );
+            assert_eq!(count, x.len());
+            assert_eq!(out, expected, "{}", level.name());
+        }
+    }
 }

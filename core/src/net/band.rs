@@ -4,8 +4,7 @@
 //! An image's output rows are cut into at most [`SLOTS`] equal parts for the executor; each part works through its
 //! bands one after the other in its own piece of scratch memory. Cuts depend on shapes alone, never on threads.
 use super::graph::Window;
-use crate::kernels::vector::Job;
-use crate::kernels::{Geometry, Kernels, pack, vector};
+use crate::kernels::{Geometry, Kernels, pack};
 
 /// Most parts that can run at once.
 const SLOTS: usize = 8;
@@ -99,9 +98,17 @@ impl Bands {
     ) {
         let (bands, flip) = (self, kernels.flip());
         if kernels.code_bytes() == 1 {
-            vector::run(kernels.level(), Fill { bands, inputs, first, rows, flip, band });
+            let fill = Fill { bands, inputs, first, rows, flip, band };
+            kernels.simd().run(
+                #[inline(always)]
+                || fill.run(),
+            );
         } else if let Ok(band) = bytemuck::try_cast_slice_mut::<u8, i16>(band) {
-            vector::run(kernels.level(), Fill { bands, inputs, first, rows, flip, band });
+            let fill = Fill { bands, inputs, first, rows, flip, band };
+            kernels.simd().run(
+                #[inline(always)]
+                || fill.run(),
+            );
         }
     }
 }
@@ -135,9 +142,7 @@ struct Fill<'b, I, C> {
     band: &'b mut [C],
 }
 
-impl<'a, I: Iterator<Item = Input<'a>> + Clone, C: Code> Job for Fill<'_, I, C> {
-    type Output = ();
-
+impl<'a, I: Iterator<Item = Input<'a>> + Clone, C: Code> Fill<'_, I, C> {
     #[inline(always)]
     fn run(self) {
         let window = &self.bands.window;

@@ -13,7 +13,6 @@ use super::quant::weight_code;
 use crate::Error;
 use crate::arena::{Arena, bytes_for};
 use crate::exec::{Executor, Plane, for_each_row_block};
-use crate::kernels::vector::{self, Job};
 use crate::kernels::{Block, Kernels, pack};
 
 fn shape(head: &MixHead<'_>) -> pack::Shape {
@@ -146,7 +145,11 @@ pub(super) fn run<'a>(
             let planes = rest
                 .each_mut()
                 .map(|plane| plane.values().get_mut(skip..skip + rows * row_len).unwrap_or(&mut []));
-            vector::run(kernels.level(), Finish { head, mixed: &mixed, side, sums, planes });
+            let finish = Finish { head, mixed: &mixed, side, sums, planes };
+            kernels.simd().run(
+                #[inline(always)]
+                || finish.run(),
+            );
         }
     });
     Ok(())
@@ -161,9 +164,7 @@ struct Finish<'f, 'm> {
     planes: [&'f mut [f32]; 3],
 }
 
-impl Job for Finish<'_, '_> {
-    type Output = ();
-
+impl Finish<'_, '_> {
     #[inline(always)]
     fn run(self) {
         let Self { head, mixed, side, sums, mut planes } = self;
