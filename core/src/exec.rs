@@ -188,6 +188,27 @@ pub fn sum_row_blocks<const N: usize>(
     top
 }
 
+/// Calls `body(y, row)` for every row of `out`, in blocks of [`ROWS_PER_BLOCK`], compiled for the executor's vector
+/// registers: `body` must be `#[inline(always)]`, and what it calls too.
+#[inline(always)]
+pub(crate) fn for_each_row<T: Send>(
+    exec: &dyn Executor,
+    rows: usize,
+    out: Plane<'_, T>,
+    body: impl Fn(usize, &mut [T]) + Sync,
+) {
+    for_each_row_block(exec, rows, ROWS_PER_BLOCK, out, &|rows, mut block| {
+        exec.simd().run(
+            #[inline(always)]
+            || {
+                for (y, row) in rows.zip(block.rows()) {
+                    body(y, row);
+                }
+            },
+        );
+    });
+}
+
 /// Calls `body(rows, block)` for every block of at most `block` of the `rows` rows; `block` holds the same rows of
 /// every output plane.
 pub fn for_each_row_block<R: Rows>(
