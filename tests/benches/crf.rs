@@ -7,13 +7,13 @@ use divan::counter::ItemsCount;
 use flashmat_core::arena::Arena;
 use flashmat_core::brdf::{self, Light};
 use flashmat_core::crf::exact::Dense;
+use flashmat_core::crf::scenes::{FOV, Scene};
 use flashmat_core::crf::solver::{Operator, VECTORS, solve};
 use flashmat_core::crf::{self, Coefficients, Energy, Options};
 use flashmat_core::exec::{At, Inline};
 use flashmat_core::kernels::{Level, Simd};
 use flashmat_core::maps::Maps;
 use flashmat_core::search;
-use flashmat_tests::scenes::{FOV, Scene};
 
 fn main() {
     divan::main();
@@ -51,34 +51,23 @@ fn refine<E: Energy<N>, const N: usize>(bencher: Bencher<'_, '_>, energy: &E, ra
     });
 }
 
-#[divan::bench(args = levels())]
-fn albedo(bencher: Bencher<'_, '_>, level: &str) {
-    refine(bencher, &Scene::tiles(SIZE, 81).albedo(), &Coefficients::default().albedo, level);
+/// Each CRF with either set of coefficients.
+macro_rules! refinements {
+    ($($name:ident: $map:ident, $coefficients:expr;)*) => {$(
+        #[divan::bench(args = levels())]
+        fn $name(bencher: Bencher<'_, '_>, level: &str) {
+            refine(bencher, &Scene::tiles(SIZE, 81).$map(), &$coefficients.$map, level);
+        }
+    )*};
 }
 
-#[divan::bench(args = levels())]
-fn albedo_strong(bencher: Bencher<'_, '_>, level: &str) {
-    refine(bencher, &Scene::tiles(SIZE, 81).albedo(), &STRONG.albedo, level);
-}
-
-#[divan::bench(args = levels())]
-fn normal(bencher: Bencher<'_, '_>, level: &str) {
-    refine(bencher, &Scene::tiles(SIZE, 81).normal(), &Coefficients::default().normal, level);
-}
-
-#[divan::bench(args = levels())]
-fn normal_strong(bencher: Bencher<'_, '_>, level: &str) {
-    refine(bencher, &Scene::tiles(SIZE, 81).normal(), &STRONG.normal, level);
-}
-
-#[divan::bench(args = levels())]
-fn roughness(bencher: Bencher<'_, '_>, level: &str) {
-    refine(bencher, &Scene::tiles(SIZE, 81).roughness(), &Coefficients::default().roughness, level);
-}
-
-#[divan::bench(args = levels())]
-fn roughness_strong(bencher: Bencher<'_, '_>, level: &str) {
-    refine(bencher, &Scene::tiles(SIZE, 81).roughness(), &STRONG.roughness, level);
+refinements! {
+    albedo: albedo, Coefficients::default();
+    albedo_strong: albedo, STRONG;
+    normal: normal, Coefficients::default();
+    normal_strong: normal, STRONG;
+    roughness: roughness, Coefficients::default();
+    roughness_strong: roughness, STRONG;
 }
 
 fn maps(scene: &Scene) -> Maps<'_> {
@@ -101,7 +90,7 @@ fn light_scale(bencher: Bencher<'_, '_>, level: &str) {
     brdf::render(&maps(&scene), 0.05, &brdf::Scene::flash(FOV, 1.0), &exec, &mut out).expect("rendered");
     bencher
         .counter(ItemsCount::new(SIZE * SIZE))
-        .bench_local(|| search::light_scale(&scene.photo(), &out, &exec).expect("usable"));
+        .bench_local(|| search::light_scale(&scene.image(), &out, &exec).expect("usable"));
 }
 
 #[divan::bench(args = levels())]
@@ -110,7 +99,7 @@ fn residual(bencher: Bencher<'_, '_>, level: &str) {
     let render: Vec<f32> = scene.albedo.iter().map(|a| 0.9 * a).collect();
     bencher
         .counter(ItemsCount::new(SIZE * SIZE))
-        .bench_local(|| search::residual(&scene.photo(), &render, &exec).expect("planes"));
+        .bench_local(|| search::residual(&scene.image(), &render, &exec).expect("planes"));
 }
 
 #[divan::bench(args = levels())]
@@ -118,7 +107,7 @@ fn search_roughness(bencher: Bencher<'_, '_>, level: &str) {
     let (scene, exec) = (Scene::tiles(SIZE, 81), at(level));
     let (mut found, mut seen) = (vec![0.0; SIZE * SIZE], vec![0.0; SIZE * SIZE]);
     bencher.counter(ItemsCount::new(SIZE * SIZE)).bench_local(|| {
-        let (photo, light) = (scene.photo(), Light::default());
+        let (photo, light) = (scene.image(), Light::default());
         search::roughness(&photo, &scene.albedo, &scene.normal, 0.05, &light, &exec, &mut found, &mut seen)
             .expect("searched");
     });

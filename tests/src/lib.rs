@@ -3,6 +3,5 @@ pub mod counting;
 pub mod golden;
 pub mod models;
 pub mod runs;
-pub mod scenes;
 #[cfg(feature = "tract")]
 pub mod snr;

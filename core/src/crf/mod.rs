@@ -19,11 +19,14 @@ pub mod pairs;
 pub mod pattern;
 mod refine;
 pub mod roughness;
+#[cfg(any(test, feature = "reference"))]
+pub mod scenes;
 pub mod separable;
 pub mod solver;
 pub mod system;
 #[cfg(test)]
 mod tests;
+mod unprojected;
 
 pub use albedo::Albedo;
 pub use coefficients::Coefficients;
@@ -31,6 +34,7 @@ pub use normal::Normal;
 pub use refine::{Energy, UNARY_FLOOR, derivative, inner, refine, workspace_bytes};
 pub use roughness::Roughness;
 pub use solver::{Options, Report};
+pub use unprojected::Unprojected;
 
 /// Bytes of workspace that any of the three CRFs needs for maps of `size` x `size`.
 #[must_use]

@@ -7,7 +7,7 @@ use super::sample::{Sample, Sets, Stage};
 use flashmat_core::Error;
 use flashmat_core::arena::Arena;
 use flashmat_core::crf::coefficients::{COUNT, through_normalisation};
-use flashmat_core::crf::{self, Coefficients, Energy};
+use flashmat_core::crf::{self, Coefficients, Energy, Unprojected};
 use flashmat_core::net::Class;
 
 /// A value for each coefficient of each class, in the model file's order.
@@ -108,37 +108,4 @@ fn through_unit_length(vectors: &[f32], directions: &[f32], gradient: &mut [f32]
             }
         }
     }
-}
-
-/// An energy whose minimum is left as it is.
-struct Unprojected<'e, E>(&'e E);
-
-impl<E: Energy<N>, const N: usize> Energy<N> for Unprojected<'_, E> {
-    const CHANNELS: usize = E::CHANNELS;
-    const UNARIES: usize = E::UNARIES;
-    const SIGMA_SPATIAL: f32 = E::SIGMA_SPATIAL;
-    const SIGMA_POSITION: f32 = E::SIGMA_POSITION;
-    const FEATURES: [usize; crf::pairs::MAX_KERNELS] = E::FEATURES;
-
-    fn size(&self) -> usize {
-        self.0.size()
-    }
-
-    fn check(&self) -> Result<(), Error> {
-        self.0.check()
-    }
-
-    fn unary(&self, term: usize) -> &[f32] {
-        self.0.unary(term)
-    }
-
-    fn unary_map(&self, term: usize, out: &mut [f32]) {
-        self.0.unary_map(term, out);
-    }
-
-    fn features(&self, kernel: usize, out: &mut [f32]) {
-        self.0.features(kernel, out);
-    }
-
-    fn project(&self, _map: &mut [f32]) {}
 }

@@ -1,5 +1,5 @@
 //! The derivative by the coefficients against finite differences, on the product's own solver.
-use super::super::{Energy, Options, derivative, refine};
+use super::super::{Energy, Options, Unprojected, derivative, refine};
 use super::{Random, Scene, workspace};
 use crate::arena::Arena;
 use crate::exec::Inline;
@@ -61,29 +61,6 @@ fn the_derivative_is_that_of_finite_differences() {
 /// The normals' energy without the projection, which is no part of the minimum.
 #[test]
 fn the_derivative_of_the_normals_is_too() {
-    struct Raw<'i>(super::super::Normal<'i>);
-    impl Energy<3> for Raw<'_> {
-        const CHANNELS: usize = 3;
-        const UNARIES: usize = 1;
-        const SIGMA_SPATIAL: f32 = super::super::feature::SIGMA_SPATIAL_NORMAL;
-        const FEATURES: [usize; 2] = [2, 0];
-        fn size(&self) -> usize {
-            self.0.size
-        }
-        fn check(&self) -> Result<(), crate::Error> {
-            self.0.check()
-        }
-        fn unary(&self, term: usize) -> &[f32] {
-            self.0.unary(term)
-        }
-        fn unary_map(&self, term: usize, out: &mut [f32]) {
-            self.0.unary_map(term, out);
-        }
-        fn features(&self, kernel: usize, out: &mut [f32]) {
-            self.0.features(kernel, out);
-        }
-        fn project(&self, _map: &mut [f32]) {}
-    }
     let scene = Scene::tiles(40, 74);
-    check("normal", &Raw(scene.normal()), &[0.6, 0.3, 0.5]);
+    check("normal", &Unprojected(&scene.normal()), &[0.6, 0.3, 0.5]);
 }
