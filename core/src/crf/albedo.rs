@@ -50,10 +50,11 @@ impl Energy<5> for Albedo<'_> {
             return;
         }
         for_each_pixel(self.photo, self.size, out, |radius, minimum| {
-            let outside = 1.0 - expf(-radius / (SIGMA_CENTRE * SIGMA_CENTRE));
-            // Further out than this the exponential is below 1e-7, and most pixels are.
+            // The larger of both maps has the larger exponent.
             let dark = (minimum - 1.0) * (minimum - 1.0) / (SIGMA_CLIPPED * SIGMA_CLIPPED);
-            if dark > 17.0 { 1.0 } else { outside.max(1.0 - expf(-dark)) }
+            let exponent = dark.max(radius / (SIGMA_CENTRE * SIGMA_CENTRE));
+            // Further out than this the exponential is below 1e-7, and most pixels are.
+            if exponent > 17.0 { 1.0 } else { 1.0 - expf(-exponent) }
         });
     }
 
