@@ -19,17 +19,14 @@ const BLACK: f64 = 5e-4;
 /// [`Error::PlaneLength`], [`Error::Size`].
 pub fn check_exposure(photo: &LinearImage<'_>, exec: &dyn Executor) -> Result<(), Error> {
     photo.check()?;
-    let [sum, count] = sums(
+    let mean = mean(
         photo,
         photo.rgb,
         exec,
         #[inline(always)]
         |p, _| [p, 1.0],
     );
-    if count == 0.0 {
-        return Err(Error::NoUsablePixels);
-    }
-    if sum / count < BLACK { Err(Error::PhotoBlack) } else { Ok(()) }
+    if mean.ok_or(Error::NoUsablePixels)? < BLACK { Err(Error::PhotoBlack) } else { Ok(()) }
 }
 
 /// The scale s for which s times `render` (3 planes, made with light strength 1) is nearest to the photo.
@@ -76,7 +73,7 @@ pub fn light_scale(photo: &LinearImage<'_>, render: &[f32], exec: &dyn Executor)
 
 /// The geometric mean of the ratios of photo to render: a start that a few immense highlights do not move.
 fn starting_scale(photo: &LinearImage<'_>, render: &[f32], exec: &dyn Executor) -> Result<f32, Error> {
-    let [sum, count] = sums(
+    let log = mean(
         photo,
         render,
         exec,
@@ -88,10 +85,7 @@ fn starting_scale(photo: &LinearImage<'_>, render: &[f32], exec: &dyn Executor) 
             if counts { [log, 1.0] } else { [0.0; 2] }
         },
     );
-    if count == 0.0 {
-        return Err(Error::NoUsablePixels);
-    }
-    let start = exp2((sum / count) as f32);
+    let start = exp2(log.ok_or(Error::NoUsablePixels)? as f32);
     if start.is_finite() && start > 0.0 { Ok(start) } else { Err(Error::NoUsablePixels) }
 }
 
@@ -103,7 +97,7 @@ fn starting_scale(photo: &LinearImage<'_>, render: &[f32], exec: &dyn Executor) 
 pub fn residual(photo: &LinearImage<'_>, render: &[f32], exec: &dyn Executor) -> Result<f32, Error> {
     photo.check()?;
     check_planes(photo.size, 3, render.len())?;
-    let [sum, count] = sums(
+    let square = mean(
         photo,
         render,
         exec,
@@ -113,7 +107,20 @@ pub fn residual(photo: &LinearImage<'_>, render: &[f32], exec: &dyn Executor) ->
             [error * error, 1.0]
         },
     );
-    Ok(sqrtf((sum / count.max(1.0)) as f32))
+    Ok(sqrtf(square.unwrap_or(0.0) as f32))
+}
+
+/// The mean of values over all channels of the pixels that are not clipped: `terms(photo, render)` gives a value and
+/// whether it counts, as 1 or 0. None when none does.
+#[inline(always)]
+fn mean(
+    photo: &LinearImage<'_>,
+    render: &[f32],
+    exec: &dyn Executor,
+    terms: impl Fn(f32, f32) -> [f32; 2] + Sync,
+) -> Option<f64> {
+    let [sum, count] = sums(photo, render, exec, terms);
+    (count > 0.0).then(|| sum / count)
 }
 
 /// The sums of `terms(photo, render)` over all channels of the pixels that are not clipped.
