@@ -1,11 +1,12 @@
 //! The stages between photo and material as types: `First` -> `WithAlbedo` -> `WithNormal` -> `Searched` -> `Refined`.
 //!
-//! Without refinement each stage hands its maps on as they are, and the search is left out.
+//! A refined map takes the place of the network's; without refinement each stage hands the maps on as they are, and the
+//! search is left out.
 use super::{CaptureOptions, Engine, SolverReports};
 use crate::Error;
 use crate::arena::Arena;
 use crate::brdf::{self, Light};
-use crate::crf::{self, Albedo, Coefficients, Normal, Roughness};
+use crate::crf::{self, Albedo, Coefficients, Energy, Normal, Roughness};
 use crate::exec::Executor;
 use crate::frame::LinearImage;
 use crate::maps::{Maps, MapsMut};
@@ -25,26 +26,23 @@ pub(super) struct First<'a> {
     classification: Classification,
 }
 
-/// The network's maps, their albedo refined.
+/// The maps, their albedo refined.
 pub(super) struct WithAlbedo<'a> {
-    first: First<'a>,
+    maps: MapsMut<'a>,
+    classification: Classification,
     coefficients: Coefficients,
-    albedo: &'a mut [f32],
     solver: SolverReports,
 }
 
 /// Albedo and normals refined.
-pub(super) struct WithNormal<'a> {
-    before: WithAlbedo<'a>,
-    normal: &'a mut [f32],
-}
+pub(super) struct WithNormal<'a>(WithAlbedo<'a>);
 
-/// The search's roughness beside the refined maps.
+/// The search's roughness beside the refined maps; none without refinement.
 pub(super) struct Searched<'a> {
-    before: WithNormal<'a>,
+    before: WithAlbedo<'a>,
     f0: f32,
-    roughness: &'a mut [f32],
-    observability: &'a mut [f32],
+    roughness: Option<&'a [f32]>,
+    observability: &'a [f32],
 }
 
 /// The material.
@@ -82,19 +80,28 @@ impl<'a> First<'a> {
         model: &Model<'_>,
         arena: &mut Arena<'a>,
     ) -> Result<WithAlbedo<'a>, Error> {
+        let Self { mut maps, classification } = self;
         let sets = Class::ALL.map(|class| Coefficients::from_array(&model.crf(class)));
-        let coefficients = Coefficients::mixed(&sets, &self.classification.used.0);
-        let albedo = arena.take(self.maps.albedo.len())?;
+        let coefficients = Coefficients::mixed(&sets, &classification.used.0);
         let mut solver = SolverReports::default();
         if run.options.refine {
-            let energy = Albedo { size: self.maps.size, photo: run.photo.rgb, albedo: self.maps.albedo };
-            solver[0] =
-                crf::refine(&energy, &coefficients.albedo, &run.options.solver, albedo, run.exec, arena)?;
-        } else {
-            albedo.copy_from_slice(self.maps.albedo);
+            let energy = Albedo { size: maps.size, photo: run.photo.rgb, albedo: maps.albedo };
+            (maps.albedo, solver[0]) = refined(&energy, &coefficients.albedo, run, arena)?;
         }
-        Ok(WithAlbedo { first: self, coefficients, albedo, solver })
+        Ok(WithAlbedo { maps, classification, coefficients, solver })
     }
+}
+
+/// The refined map in memory of its own, and what the solver did.
+fn refined<'a, E: Energy<N>, const N: usize>(
+    energy: &E,
+    coefficients: &[f32; N],
+    run: &Run<'_, 'a>,
+    arena: &mut Arena<'a>,
+) -> Result<(&'a mut [f32], crf::Report), Error> {
+    let out = arena.take(energy.unary(0).len())?;
+    let report = crf::refine(energy, coefficients, &run.options.solver, out, run.exec, arena)?;
+    Ok((out, report))
 }
 
 impl<'a> WithAlbedo<'a> {
@@ -103,82 +110,50 @@ impl<'a> WithAlbedo<'a> {
         run: &Run<'_, 'a>,
         arena: &mut Arena<'a>,
     ) -> Result<WithNormal<'a>, Error> {
-        let normal = arena.take(self.first.maps.normal.len())?;
         if run.options.refine {
-            let energy =
-                Normal { size: self.first.maps.size, normal: self.first.maps.normal, albedo: self.albedo };
-            let coefficients = &self.coefficients.normal;
-            self.solver[1] =
-                crf::refine(&energy, coefficients, &run.options.solver, normal, run.exec, arena)?;
-        } else {
-            normal.copy_from_slice(self.first.maps.normal);
+            let maps = &self.maps;
+            let energy = Normal { size: maps.size, normal: maps.normal, albedo: maps.albedo };
+            (self.maps.normal, self.solver[1]) = refined(&energy, &self.coefficients.normal, run, arena)?;
         }
-        Ok(WithNormal { before: self, normal })
+        Ok(WithNormal(self))
     }
 }
 
 impl<'a> WithNormal<'a> {
     pub(super) fn search(self, run: &Run<'_, 'a>, arena: &mut Arena<'a>) -> Result<Searched<'a>, Error> {
-        let first = &self.before.first;
-        let size = first.maps.size;
-        let metal = first.classification.used.of(Class::Metal);
+        let Self(before) = self;
+        let MapsMut { size, ref albedo, ref normal, ref roughness } = before.maps;
+        let metal = before.classification.used.of(Class::Metal);
         let f0 = brdf::f0(metal);
-        let roughness = arena.take::<f32>(size * size)?;
-        let observability = arena.zeroed::<f32>(size * size)?;
-        if run.options.refine {
-            let mut scope = arena.scope();
-            let render = scope.take::<f32>(3 * size * size)?;
-            let maps = Maps {
-                size,
-                albedo: self.before.albedo,
-                normal: self.normal,
-                roughness: first.maps.roughness,
-            };
-            let strength = super::relight(&maps, f0, &run.photo, run.exec, render)?;
-            let light = Light { strength, ..Light::default() };
-            search::roughness(
-                &run.photo,
-                self.before.albedo,
-                self.normal,
-                f0,
-                &light,
-                run.exec,
-                roughness,
-                observability,
-            )?;
-        } else {
-            roughness.copy_from_slice(first.maps.roughness);
+        if !run.options.refine {
+            let observability = arena.zeroed(size * size)?;
+            return Ok(Searched { before, f0, roughness: None, observability });
         }
-        Ok(Searched { before: self, f0, roughness, observability })
+        let (found, seen) = (arena.take::<f32>(size * size)?, arena.take::<f32>(size * size)?);
+        let mut scope = arena.scope();
+        let render = scope.take::<f32>(3 * size * size)?;
+        let strength =
+            super::relight(&Maps { size, albedo, normal, roughness }, f0, &run.photo, run.exec, render)?;
+        let light = Light { strength, ..Light::default() };
+        search::roughness(&run.photo, albedo, normal, f0, &light, run.exec, found, seen)?;
+        Ok(Searched { before, f0, roughness: Some(found), observability: seen })
     }
 }
 
 impl<'a> Searched<'a> {
     pub(super) fn roughness(self, run: &Run<'_, 'a>, arena: &mut Arena<'a>) -> Result<Refined<'a>, Error> {
-        let WithNormal { before, normal } = self.before;
-        let WithAlbedo { first, coefficients, albedo, mut solver } = before;
-        let size = first.maps.size;
-        let roughness = arena.take(first.maps.roughness.len())?;
-        if run.options.refine {
+        let WithAlbedo { mut maps, classification, coefficients, mut solver } = self.before;
+        if let Some(search) = self.roughness {
             let energy = Roughness {
-                size,
+                size: maps.size,
                 photo: run.photo.rgb,
-                albedo,
-                network: first.maps.roughness,
-                search: self.roughness,
+                albedo: maps.albedo,
+                network: maps.roughness,
+                search,
                 observability: Some(self.observability),
             };
-            let coefficients = &coefficients.roughness;
-            solver[2] = crf::refine(&energy, coefficients, &run.options.solver, roughness, run.exec, arena)?;
-        } else {
-            roughness.copy_from_slice(first.maps.roughness);
+            (maps.roughness, solver[2]) = refined(&energy, &coefficients.roughness, run, arena)?;
         }
-        Ok(Refined {
-            maps: MapsMut { size, albedo, normal, roughness },
-            observability: self.observability,
-            classification: first.classification,
-            f0: self.f0,
-            solver,
-        })
+        Ok(Refined { maps, observability: self.observability, classification, f0: self.f0, solver })
     }
 }
