@@ -2,7 +2,7 @@
 use cpu_time::ThreadTime;
 use flashmat_core::exec::Inline;
 use flashmat_core::kernels::peak::multiply_accumulates;
-use flashmat_core::kernels::{ALL, Level};
+use flashmat_core::kernels::{Kernels, Level};
 use flashmat_core::net::graph::Tensor;
 use flashmat_core::net::{Model, Network, Tap};
 use flashmat_tests::models::{Widths, random_model};
@@ -62,7 +62,7 @@ fn main() {
     let load = ms(start);
     let gmacs = model.graph().macs(size) as f64 / 1e9;
     println!("{:.2} MB, loaded in {load:.2} ms; {gmacs:.3} GMAC at {size}", file.len() as f64 / 1e6);
-    for kernels in ALL.iter().filter(|k| k.level().is_supported()) {
+    for kernels in Kernels::supported() {
         if only.as_ref().is_some_and(|name| name != kernels.level().name()) {
             continue;
         }

@@ -1,6 +1,6 @@
 //! The int8 engine against the numpy reference: every tensor bit for bit, on every level.
 use flashmat_core::exec::{Inline, Pool};
-use flashmat_core::kernels::{ALL, Kernels};
+use flashmat_core::kernels::Kernels;
 use flashmat_core::net::graph::Tensor;
 use flashmat_core::net::{Class, Model, Network, Tap};
 use flashmat_tests::golden::{Expected, TOY_MODEL, TOY_SIZE, toy, toy_photo};
@@ -29,13 +29,9 @@ impl Tap for Check<'_> {
 fn levels() -> impl Iterator<Item = &'static Kernels> {
     let required = std::env::var("FLASHMAT_REQUIRE_LEVEL").ok();
     if let Some(required) = required {
-        let runs = |k: &&Kernels| k.level().is_supported() && k.level().name() == required;
-        assert!(ALL.iter().copied().any(|k| runs(&k)), "{required} does not run here");
+        assert!(Kernels::supported().any(|k| k.level().name() == required), "{required} does not run here");
     }
-    ALL.iter()
-        .copied()
-        .filter(|k| k.level().is_supported())
-        .inspect(|k| println!("level {}", k.level().name()))
+    Kernels::supported().inspect(|k| println!("level {}", k.level().name()))
 }
 
 #[test]
@@ -75,7 +71,7 @@ fn every_tensor_is_the_reference_on_every_level() {
 #[test]
 fn threads_change_no_bit() {
     let model = Model::from_bytes(TOY_MODEL).expect("the golden model");
-    let network = Network::new(model, TOY_SIZE, ALL[0]).expect("128 suits");
+    let network = Network::new(model, TOY_SIZE, Kernels::scalar()).expect("128 suits");
     let mut alone = NetRun::new(&network, TOY_SIZE, toy_photo());
     alone.run(&network, None, &Inline, None).expect("a run");
     for threads in [2, 3] {
@@ -90,7 +86,7 @@ fn threads_change_no_bit() {
 #[test]
 fn an_override_is_reported_beside_the_prediction() {
     let model = Model::from_bytes(TOY_MODEL).expect("the golden model");
-    let network = Network::new(model, TOY_SIZE, ALL[0]).expect("128 suits");
+    let network = Network::new(model, TOY_SIZE, Kernels::scalar()).expect("128 suits");
     let mut run = NetRun::new(&network, TOY_SIZE, toy_photo());
     let free = run.run(&network, None, &Inline, None).expect("a run");
     let wood = run.run(&network, Some(Class::Wood), &Inline, None).expect("a run");

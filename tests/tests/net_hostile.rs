@@ -1,7 +1,7 @@
 //! Model files that lie: each broken rule has its error, and nothing panics.
 use flashmat_core::Error;
 use flashmat_core::exec::Inline;
-use flashmat_core::kernels::ALL;
+use flashmat_core::kernels::Kernels;
 use flashmat_core::net::{Model, ModelError, Network};
 use flashmat_tests::golden::{TOY_MODEL, TOY_SIZE, toy_photo};
 use flashmat_tests::models::fix_checksum;
@@ -154,6 +154,7 @@ fn mutated_files_never_panic() {
     let (graph, graph_len) = section(b"GRPH");
     let (mut accepted, mut runs) = (0, 0);
     let photo = toy_photo();
+    let fastest: Vec<_> = Kernels::supported().rev().take(2).collect();
     for round in 0..20_000 {
         let mut file = TOY_MODEL.to_vec();
         for _ in 0..=random(3) {
@@ -178,7 +179,8 @@ fn mutated_files_never_panic() {
         if accepted % 8 != 1 {
             continue;
         }
-        let Ok(network) = Network::new(model, TOY_SIZE, ALL[ALL.len() - 1 - round % 2]) else { continue };
+        let kernels = fastest[round % fastest.len()];
+        let Ok(network) = Network::new(model, TOY_SIZE, kernels) else { continue };
         let mut run = NetRun::new(&network, TOY_SIZE, photo.clone());
         let answer = run.run(&network, None, &Inline, None).expect("a checked model runs");
         assert!(answer.used.0.iter().all(|p| p.is_finite()));

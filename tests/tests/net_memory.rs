@@ -2,7 +2,7 @@
 use flashmat_core::Error;
 use flashmat_core::arena::Arena;
 use flashmat_core::exec::Inline;
-use flashmat_core::kernels::ALL;
+use flashmat_core::kernels::Kernels;
 use flashmat_core::net::{Model, Network};
 use flashmat_tests::counting::{Counting, calls};
 use flashmat_tests::models::{Widths, random_model};
@@ -19,7 +19,7 @@ fn a_run_allocates_nothing_and_keeps_to_its_workspace() {
     let before = calls();
     let model = Model::from_bytes(&file).expect("a model");
     assert_eq!(calls(), before, "loading allocates nothing either");
-    for kernels in ALL.iter().filter(|k| k.level().is_supported()) {
+    for kernels in Kernels::supported() {
         let network = Network::new(model.clone(), size, kernels).expect("128 suits");
         let mut run = NetRun::new(&network, size, smooth_photo(size));
         let before = calls();
@@ -28,17 +28,17 @@ fn a_run_allocates_nothing_and_keeps_to_its_workspace() {
     }
 
     for size in [128, 256, 1024, 2048] {
-        let network = Network::new(model.clone(), size, ALL[0]).expect("multiples of 128 suit");
+        let network = Network::new(model.clone(), size, Kernels::scalar()).expect("multiples of 128 suit");
         let bytes = network.workspace_bytes();
         println!("{size}: workspace {:.2} MiB", bytes as f64 / f64::from(1 << 20));
         assert!(size > 256 || bytes < 16 << 20);
     }
     for size in [0, 64, 100, 129, 1 << 30, usize::MAX & !127] {
-        let error = Network::new(model.clone(), size, ALL[0]).expect_err("an unsuitable size");
+        let error = Network::new(model.clone(), size, Kernels::scalar()).expect_err("an unsuitable size");
         assert_eq!(error, Error::NetworkSize { size, multiple: 128 });
     }
 
-    let network = Network::new(model, size, ALL[0]).expect("128 suits");
+    let network = Network::new(model, size, Kernels::scalar()).expect("128 suits");
     let mut run = NetRun::new(&network, size, smooth_photo(size));
     let photo = smooth_photo(size);
     let clipped = vec![0; size * size];

@@ -2,7 +2,7 @@
 //! that should run, nothing accepted that should not.
 use flashmat_core::exec::{Inline, Pool};
 use flashmat_core::frame::Frame;
-use flashmat_core::kernels::{ALL, Kernels};
+use flashmat_core::kernels::Kernels;
 use flashmat_core::net::{Class, Model};
 use flashmat_core::pipeline::{Capture, CaptureOptions, Pipeline};
 use flashmat_core::{Error, Silent, Stage};
@@ -38,7 +38,7 @@ fn every_level_and_thread_count_gives_the_same_bits() {
     let data = photo();
     let frame = Frame::rgb8(&data, SIDE, SIDE, 3 * SIDE).expect("a frame");
     let mut first: Option<Vec<u32>> = None;
-    for kernels in ALL.iter().filter(|k| k.level().is_supported()) {
+    for kernels in Kernels::supported() {
         let pipeline = pipeline(kernels);
         for threads in [1, 2, 3, 8] {
             // Other noise in the workspace each time: a run must not depend on what was there.
@@ -61,7 +61,7 @@ fn every_level_and_thread_count_gives_the_same_bits() {
 fn maps_are_where_maps_live_with_and_without_refinement() {
     let data = photo();
     let frame = Frame::rgb8(&data, SIDE, SIDE, 3 * SIDE).expect("a frame");
-    let pipeline = pipeline(ALL[0]);
+    let pipeline = pipeline(Kernels::scalar());
     let mut work = vec![0; pipeline.workspace_bytes()];
     for refine in [false, true] {
         for class in [None, Some(Class::Metal)] {
@@ -90,7 +90,7 @@ fn maps_are_where_maps_live_with_and_without_refinement() {
 fn the_observer_sees_every_stage_in_order_and_can_stop_each() {
     let data = photo();
     let frame = Frame::rgb8(&data, SIDE, SIDE, 3 * SIDE).expect("a frame");
-    let pipeline = pipeline(ALL[0]);
+    let pipeline = pipeline(Kernels::scalar());
     let mut work = vec![0; pipeline.workspace_bytes()];
     let mut seen = Vec::new();
     let mut watch = |stage: Stage, fraction: f32| {
@@ -115,7 +115,7 @@ fn the_observer_sees_every_stage_in_order_and_can_stop_each() {
 fn a_workspace_one_byte_short_is_refused_and_the_stated_one_is_enough_at_any_address() {
     let data = photo();
     let frame = Frame::rgb8(&data, SIDE, SIDE, 3 * SIDE).expect("a frame");
-    let pipeline = pipeline(ALL[0]);
+    let pipeline = pipeline(Kernels::scalar());
     let needed = pipeline.workspace_bytes();
     let mut work = vec![0; needed + 64];
     for start in [0, 1, 3, 31, 63] {
@@ -132,7 +132,7 @@ fn a_workspace_one_byte_short_is_refused_and_the_stated_one_is_enough_at_any_add
 
 #[test]
 fn black_and_burnt_out_photos_are_refused_with_their_reason() {
-    let pipeline = pipeline(ALL[0]);
+    let pipeline = pipeline(Kernels::scalar());
     let mut work = vec![0; pipeline.workspace_bytes()];
     for (value, error) in [(0_u8, Error::PhotoBlack), (255, Error::NoUsablePixels)] {
         let data = vec![value; 3 * SIDE * SIDE];
@@ -144,7 +144,7 @@ fn black_and_burnt_out_photos_are_refused_with_their_reason() {
 
 #[test]
 fn random_noise_and_extreme_shapes_give_maps_or_an_error_never_a_panic() {
-    let pipeline = pipeline(ALL[0]);
+    let pipeline = pipeline(Kernels::scalar());
     let mut work = vec![0; pipeline.workspace_bytes()];
     let mut state = 0x2545_F491_4F6C_DD1D_u64;
     println!("seed {state:#x}");

@@ -2,7 +2,7 @@
 use flashmat_core::Silent;
 use flashmat_core::exec::Inline;
 use flashmat_core::frame::Frame;
-use flashmat_core::kernels::{ALL, Kernels};
+use flashmat_core::kernels::Kernels;
 use flashmat_core::net::Model;
 use flashmat_core::pipeline::{CaptureOptions, Pipeline};
 use flashmat_tests::counting::{Counting, calls};
@@ -16,8 +16,8 @@ static ALLOCATOR: Counting = Counting;
 fn a_capture_allocates_nothing() {
     let side = 300;
     let photo: Vec<u8> = (0..3 * side * side).map(|i| (60 + i * 7 % 120) as u8).collect();
-    let fastest = ALL.iter().rfind(|k| k.level().is_supported()).expect("a level");
-    for kernels in [ALL[0], *fastest] as [&'static Kernels; 2] {
+    let fastest = Kernels::supported().next_back().expect("a level");
+    for kernels in [Kernels::scalar(), fastest] {
         for size in [128, 256] {
             let model = Model::from_bytes(TOY_MODEL).expect("the toy model");
             assert_eq!(model.defaults().base_size, 128);

@@ -57,7 +57,7 @@ impl Level {
     }
 
     fn best(has: fn(Self) -> bool) -> Self {
-        let ready = super::ALL.iter().map(|kernels| kernels.level());
+        let ready = super::TABLES.iter().map(|kernels| kernels.level());
         ready.filter(|&level| has(level)).max().unwrap_or(Self::Scalar)
     }
 
@@ -66,7 +66,7 @@ impl Level {
     /// # Errors
     /// [`Error::LevelUnsupported`] when `wanted` is above this level or of another architecture.
     pub fn lowered_to(self, wanted: Self) -> Result<Self, Error> {
-        let ready = super::ALL.iter().any(|kernels| kernels.level() == wanted);
+        let ready = super::TABLES.iter().any(|kernels| kernels.level() == wanted);
         if ready && (wanted == Self::Scalar || (wanted <= self && wanted.is_x86() == self.is_x86())) {
             Ok(wanted)
         } else {

@@ -4,7 +4,8 @@
 //! weights ([`pack`]). It reads each output's kernel rows straight from the band, so no patch matrix is built. The
 //! design, with tiles and instructions per level, is in `README.md` beside this file.
 //!
-//! A level is chosen once, with [`Kernels::for_level`]; there are no globals. Only this folder has `unsafe`, and only
+//! A level is chosen once, with [`Kernels::for_level`] or from [`Kernels::supported`]; there are no globals. Nothing
+//! else hands kernels out, so that holding a `&Kernels` proves that this CPU has their instructions. Only this folder has `unsafe`, and only
 //! for vector loads and stores, whose bounds [`Block::new`] has checked, for vector instructions that have no stable
 //! intrinsic, and for code compiled for a level ([`Simd`]).
 #[cfg(all(target_arch = "aarch64", target_feature = "neon", target_endian = "little"))]
@@ -27,8 +28,9 @@ pub use level::Level;
 pub use simd::Simd;
 pub(crate) use simd::prefetch;
 
-/// Every level that has kernels on this architecture: dispatch, tests and benches all read this list.
-pub static ALL: &[&Kernels] = &[
+/// Every level that has kernels on this architecture, slowest first, whether this CPU has it or not: private, because
+/// a table's functions are sound only where its level is.
+static TABLES: &[&Kernels] = &[
     &scalar::KERNELS,
     #[cfg(target_arch = "x86_64")]
     &x86_64::avx2::KERNELS,
@@ -42,7 +44,7 @@ pub static ALL: &[&Kernels] = &[
     &aarch64::i8mm::KERNELS,
 ];
 
-/// The kernels of one level.
+/// The kernels of one level, which this CPU has: the references that this type gives out are the only ones.
 #[derive(Debug)]
 pub struct Kernels {
     name: &'static str,
@@ -54,13 +56,30 @@ pub struct Kernels {
 }
 
 impl Kernels {
+    /// The plain loops, which every CPU runs.
+    #[must_use]
+    pub fn scalar() -> &'static Self {
+        &scalar::KERNELS
+    }
+
     /// The kernels of `level`.
     ///
     /// # Errors
     /// [`Error::LevelUnsupported`] when this CPU (without `std`: this build) does not have it, or no kernels exist.
     pub fn for_level(level: Level) -> Result<&'static Self, Error> {
-        let found = ALL.iter().find(|kernels| kernels.level == level && level.is_supported());
-        found.copied().ok_or(Error::LevelUnsupported { level })
+        Self::on(Level::is_supported)
+            .find(|kernels| kernels.level == level)
+            .ok_or(Error::LevelUnsupported { level })
+    }
+
+    /// The kernels of every level that this CPU (without `std`: this build) has, slowest first.
+    pub fn supported() -> impl DoubleEndedIterator<Item = &'static Self> {
+        Self::on(Level::is_supported)
+    }
+
+    /// The tables for a CPU that has the levels that `has` says.
+    fn on(has: fn(Level) -> bool) -> impl DoubleEndedIterator<Item = &'static Self> {
+        TABLES.iter().copied().filter(move |kernels| has(kernels.level))
     }
 
     /// The kernels' name: level, operation, element type.
@@ -75,7 +94,7 @@ impl Kernels {
         self.level
     }
 
-    /// The registers of the plain loops around them; the baseline's when this CPU lacks the level.
+    /// The registers of the plain loops around them.
     pub(crate) fn simd(&self) -> Simd {
         Simd::for_level(self.level).unwrap_or(Simd::BASELINE)
     }

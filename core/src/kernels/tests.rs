@@ -1,6 +1,7 @@
 //! Kernels alone, on every level that this machine has, against sums in 64 bits.
 use super::pack::{self, Shape};
-use super::{ALL, Block, Geometry, Kernels, Requant};
+use super::{Block, Geometry, Kernels, Level, Requant};
+use crate::Error;
 use crate::net::quant::Range;
 use crate::net::testing::{Random, requantise};
 use std::vec;
@@ -87,8 +88,22 @@ impl Case {
     }
 }
 
-fn supported() -> impl Iterator<Item = &'static Kernels> {
-    ALL.iter().copied().filter(|kernels| kernels.level().is_supported())
+/// Calling kernels that the CPU lacks is undefined behaviour: no door may give them out.
+#[test]
+fn no_kernels_without_their_level() {
+    assert_eq!(Kernels::on(|_| false).count(), 0);
+    let plainest: Vec<Level> = Kernels::on(|level| level == Level::Scalar).map(Kernels::level).collect();
+    assert_eq!(plainest, [Level::Scalar]);
+    for level in Level::ALL {
+        let listed = Kernels::supported().any(|kernels| kernels.level() == level);
+        match Kernels::for_level(level) {
+            Ok(kernels) => assert!(listed && level.is_supported() && kernels.level() == level, "{level:?}"),
+            Err(error) => {
+                assert_eq!(error, Error::LevelUnsupported { level });
+                assert!(!listed, "{level:?}");
+            }
+        }
+    }
 }
 
 #[test]
@@ -100,7 +115,7 @@ fn sums_and_codes_of_any_block() {
         let expected = case.sums();
         let code = |(i, &sum): (usize, &i64)| requantise(sum, case.multiplier[i % case.shape.cout], range);
         let codes: Vec<i8> = expected.iter().enumerate().map(code).collect();
-        for kernels in supported() {
+        for kernels in Kernels::supported() {
             let found = case.run(kernels, range);
             let sums: Vec<i64> = found.0.iter().map(|&sum| i64::from(sum)).collect();
             let what = (seed, kernels.name(), case.shape, case.geometry);
@@ -130,7 +145,7 @@ fn extreme_products_neither_saturate_nor_wrap() {
             case.codes = vec![code; geometry.band_len(&shape)];
             (case.shape, case.geometry) = (shape, geometry);
             let products = (shape.height * run) as i32 * i32::from(weight) * i32::from(code);
-            for kernels in supported() {
+            for kernels in Kernels::supported() {
                 let (sums, _) = case.run(kernels, Range::new(0, false));
                 for (i, sum) in sums.iter().enumerate() {
                     let expected = case.offset[i % shape.cout] + products;
@@ -152,8 +167,8 @@ fn what_is_no_number_has_the_same_code_on_every_level() {
         for (offset, value) in case.offset.iter_mut().zip([0, 1, -1].into_iter().cycle()) {
             *offset = value;
         }
-        let scalar = case.run(ALL[0], range);
-        for kernels in supported() {
+        let scalar = case.run(Kernels::scalar(), range);
+        for kernels in Kernels::supported() {
             assert_eq!(case.run(kernels, range), scalar, "{}", kernels.name());
         }
     }

@@ -266,7 +266,7 @@ mod tests {
         ];
         let window = Window { height: 3, width: 3, stride: 1, pad: [1, 1, 1, 1] };
         let bands = Bands::new(&window, 7, 6);
-        for kernels in crate::kernels::ALL.iter().filter(|k| k.level().is_supported()) {
+        for kernels in Kernels::supported() {
             let (flip, size) = (kernels.flip(), kernels.code_bytes());
             for start in 0..6 {
                 let rows = bands.rows.min(6 - start);

@@ -8,19 +8,19 @@ use super::testing::{Random, correlate, requantise};
 use super::{op_conv, op_mix};
 use crate::arena::Arena;
 use crate::exec::Inline;
-use crate::kernels::{ALL, Kernels, pack};
+use crate::kernels::{Kernels, Level, pack};
 use std::vec;
 use std::vec::Vec;
 
 /// The levels to test; prints which. Fails when the level that `FLASHMAT_REQUIRE_LEVEL` names is not among them.
 fn levels() -> Vec<&'static Kernels> {
-    let here: Vec<_> = ALL.iter().copied().filter(|k| k.level().is_supported()).collect();
+    let here: Vec<_> = Kernels::supported().collect();
     if let Ok(required) = std::env::var("FLASHMAT_REQUIRE_LEVEL") {
         assert!(here.iter().any(|k| k.level().name() == required), "{required} does not run here");
     }
-    for kernels in ALL {
-        let ran = if kernels.level().is_supported() { "runs" } else { "NOT RUN: this CPU lacks it" };
-        std::println!("{}: {ran}", kernels.name());
+    for level in Level::ALL {
+        let runs = here.iter().any(|kernels| kernels.level() == level);
+        std::println!("{}: {}", level.name(), if runs { "runs" } else { "NOT RUN: this CPU lacks it" });
     }
     here
 }

@@ -20,7 +20,7 @@ pub(in super::super) static KERNELS: Kernels =
     Kernels { name: "i8mm-conv-i8", level: Level::I8mm, flip: 0, code_bytes: 1, conv: convolve, accumulate };
 
 fn convolve(block: &Block<'_>, requant: &Requant<'_>, out: &mut [i8]) {
-    // SAFETY: `Kernels::for_level` hands this table out only when the CPU has the features.
+    // SAFETY: `Kernels::on` hands this table out only when the CPU has the features.
     unsafe { run(block, &mut Out::Codes(requant, out)) }
 }
 

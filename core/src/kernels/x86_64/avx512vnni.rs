@@ -28,7 +28,7 @@ enum Out<'a> {
 }
 
 fn convolve(block: &Block<'_>, requant: &Requant<'_>, out: &mut [i8]) {
-    // SAFETY: `Kernels::for_level` hands this table out only when the CPU has the features.
+    // SAFETY: `Kernels::on` hands this table out only when the CPU has the features.
     unsafe { run(block, &mut Out::Codes(requant, out)) }
 }
 
