@@ -321,7 +321,10 @@ impl LinearImage<'_> {
 #[must_use]
 pub const fn prepare_bytes(size: usize) -> usize {
     use crate::arena::bytes_for;
-    bytes_for::<f32>(3 * size * size) + bytes_for::<u8>(size * size) + bytes_for::<f32>(transfer::WIDE_TABLE)
+    bytes_for::<f32>(3 * size * size)
+        + bytes_for::<u8>(size * size)
+        + bytes_for::<f32>(transfer::WIDE_TABLE)
+        + resample::scratch_bytes(size)
 }
 
 /// Crops, averages to `size` x `size` in linear light, turns upright, marks clipped pixels; planes come from `arena`.

@@ -1,7 +1,8 @@
-//! The caller's pixels, format by format: checks at the door, then sums of linear light along a row.
+//! The caller's pixels, format by format: checks at the door, then sums of linear light along a row, as integers.
+use super::resample::{self, Row, Source, Sums, fixed};
 use super::transfer::{WIDE_TABLE, byte_table, fill_wide_table, p3_to_srgb, srgb_to_linear, wide_lookup};
-use super::yuv::{Converter, Range, YuvMatrix, YuvPlanes};
-use super::{Encoding, MAX_SIDE, resample};
+use super::yuv::{Converter, LOWEST, Range, STEPS, YuvMatrix, YuvPlanes, step};
+use super::{Encoding, MAX_SIDE};
 use crate::Error;
 use crate::arena::Arena;
 use crate::exec::Executor;
@@ -131,11 +132,11 @@ impl<'a> Pixels<'a> {
         let curve: fn(f32) -> f32 = if encoding == Encoding::Linear { |x| x } else { srgb_to_linear };
         match *self {
             Self::Bytes { format, data, stride } => {
-                let table = byte_table(curve);
+                let table = &fixed_table(curve);
                 if format == PixelFormat::Rgb8 {
-                    resample::run(&Bytes::<3> { data, stride, table: &table }, window, exec, rgb, clipped);
+                    resample::run(&Bytes::<3> { data, stride, table }, window, exec, rgb, clipped, arena)?;
                 } else {
-                    resample::run(&Bytes::<4> { data, stride, table: &table }, window, exec, rgb, clipped);
+                    resample::run(&Bytes::<4> { data, stride, table }, window, exec, rgb, clipped, arena)?;
                 }
                 if format == PixelFormat::Bgra8 {
                     let plane = rgb.len() / 3;
@@ -144,21 +145,24 @@ impl<'a> Pixels<'a> {
                 }
             }
             Self::Wide { data, stride } => {
+                let mut arena = arena.scope();
                 let table = arena.take::<f32>(WIDE_TABLE)?;
                 fill_wide_table(table, curve);
-                resample::run(&Wide { data, stride, table }, window, exec, rgb, clipped);
+                resample::run(&Wide { data, stride, table }, window, exec, rgb, clipped, &mut arena)?;
             }
             // The identity by itself: a call for every value of a large photo would cost more than the sums.
             Self::Float { data, stride } if encoding == Encoding::Linear => {
-                resample::run(&Float { data, stride, curve: |x| x }, window, exec, rgb, clipped);
+                let source = Float { data, stride, curve: |x| x };
+                resample::run(&source, window, exec, rgb, clipped, arena)?;
             }
             Self::Float { data, stride } => {
-                resample::run(&Float { data, stride, curve: srgb_to_linear }, window, exec, rgb, clipped);
+                let source = Float { data, stride, curve: srgb_to_linear };
+                resample::run(&source, window, exec, rgb, clipped, arena)?;
             }
             Self::Yuv { planes, matrix, range, .. } => {
-                let source =
-                    Yuv { planes, converter: Converter::new(matrix, range), table: &byte_table(curve) };
-                resample::run(&source, window, exec, rgb, clipped);
+                let table = &steps_table(&fixed_table(curve));
+                let source = Yuv { planes, converter: Converter::new(matrix, range), table };
+                resample::run(&source, window, exec, rgb, clipped, arena)?;
             }
         }
         if encoding == Encoding::DisplayP3 {
@@ -172,43 +176,57 @@ impl<'a> Pixels<'a> {
     }
 }
 
-/// Linear light of some pixels added up, and whether one of them was clipped.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Sum {
-    pub(super) rgb: [f32; 3],
-    pub(super) clipped: bool,
+/// [`fixed`] of every 8-bit code.
+fn fixed_table(curve: fn(f32) -> f32) -> [u64; 256] {
+    let mut table = [0; 256];
+    for ((code, slot), linear) in (0..=255).zip(&mut table).zip(byte_table(curve)) {
+        *slot = fixed(linear, code >= CLIPPED_BYTE);
+    }
+    table
 }
 
-/// Pixels that can be added up along a row.
-pub(super) trait Source: Sync {
-    /// The sum over columns `start..end` of row `y`. Outside columns and rows count as nothing.
-    fn sum(&self, y: usize, start: usize, end: usize) -> Sum;
+/// The values of row `y` of rows that are `stride` values apart, and all that come after it.
+fn from_row<T>(data: &[T], stride: usize, y: usize) -> &[T] {
+    data.get(y * stride..).unwrap_or(&[])
 }
 
-/// Columns `start..end`, `step` values each, of row `y` of rows that are `stride` values apart.
-fn span<T>(data: &[T], stride: usize, step: usize, y: usize, start: usize, end: usize) -> &[T] {
-    let row = y * stride;
-    data.get(row + start * step..row + end * step).unwrap_or(&[])
+/// Pixels `start..end` of a row; none if they reach outside.
+#[inline(always)]
+fn span<T>(row: &[T], start: usize, end: usize) -> &[T] {
+    row.get(start..end).unwrap_or(&[])
 }
 
 struct Bytes<'a, const STEP: usize> {
     data: &'a [u8],
     stride: usize,
-    table: &'a [f32; 256],
+    table: &'a [u64; 256],
+}
+
+struct BytesRow<'a, const STEP: usize> {
+    pixels: &'a [[u8; STEP]],
+    table: &'a [u64; 256],
 }
 
 impl<const STEP: usize> Source for Bytes<'_, STEP> {
-    #[inline]
-    fn sum(&self, y: usize, start: usize, end: usize) -> Sum {
-        let (mut rgb, mut most) = ([0.0; 3], [0; 3]);
-        let (pixels, _) = span(self.data, self.stride, STEP, y, start, end).as_chunks::<STEP>();
-        for pixel in pixels {
-            for ((sum, most), &code) in rgb.iter_mut().zip(&mut most).zip(pixel) {
+    type Row<'r>
+        = BytesRow<'r, STEP>
+    where
+        Self: 'r;
+
+    fn row(&self, y: usize) -> BytesRow<'_, STEP> {
+        BytesRow { pixels: from_row(self.data, self.stride, y).as_chunks().0, table: self.table }
+    }
+}
+
+impl<const STEP: usize> Row for BytesRow<'_, STEP> {
+    #[inline(always)]
+    fn add(&self, start: usize, end: usize, mut sums: Sums) -> Sums {
+        for pixel in span(self.pixels, start, end) {
+            for (sum, &code) in sums.iter_mut().zip(pixel) {
                 *sum += self.table[usize::from(code)];
-                *most = code.max(*most);
             }
         }
-        Sum { rgb, clipped: most.iter().any(|&code| code >= CLIPPED_BYTE) }
+        sums
     }
 }
 
@@ -218,17 +236,31 @@ struct Wide<'a> {
     table: &'a [f32],
 }
 
+struct WideRow<'a> {
+    pixels: &'a [[u16; 3]],
+    table: &'a [f32],
+}
+
 impl Source for Wide<'_> {
-    #[inline]
-    fn sum(&self, y: usize, start: usize, end: usize) -> Sum {
-        let (mut rgb, mut most) = ([0.0; 3], [0; 3]);
-        for pixel in span(self.data, self.stride, 3, y, start, end).as_chunks::<3>().0 {
-            for ((sum, most), &code) in rgb.iter_mut().zip(&mut most).zip(pixel) {
-                *sum += wide_lookup(self.table, code).min(1.0);
-                *most = code.max(*most);
+    type Row<'r>
+        = WideRow<'r>
+    where
+        Self: 'r;
+
+    fn row(&self, y: usize) -> WideRow<'_> {
+        WideRow { pixels: from_row(self.data, self.stride, y).as_chunks().0, table: self.table }
+    }
+}
+
+impl Row for WideRow<'_> {
+    #[inline(always)]
+    fn add(&self, start: usize, end: usize, mut sums: Sums) -> Sums {
+        for pixel in span(self.pixels, start, end) {
+            for (sum, &code) in sums.iter_mut().zip(pixel) {
+                *sum += fixed(wide_lookup(self.table, code).min(1.0), code >= CLIPPED_WIDE);
             }
         }
-        Sum { rgb, clipped: most.iter().any(|&code| code >= CLIPPED_WIDE) }
+        sums
     }
 }
 
@@ -238,41 +270,93 @@ struct Float<'a, C> {
     curve: C,
 }
 
+struct FloatRow<'a, C> {
+    pixels: &'a [[f32; 3]],
+    curve: &'a C,
+}
+
 impl<C: Fn(f32) -> f32 + Sync> Source for Float<'_, C> {
-    #[inline]
-    fn sum(&self, y: usize, start: usize, end: usize) -> Sum {
-        let (mut rgb, mut most) = ([0.0; 3], [0.0_f32; 3]);
-        for pixel in span(self.data, self.stride, 3, y, start, end).as_chunks::<3>().0 {
-            for ((sum, most), &value) in rgb.iter_mut().zip(&mut most).zip(pixel) {
-                *sum += (self.curve)(value.min(1.0));
-                *most = value.max(*most);
+    type Row<'r>
+        = FloatRow<'r, C>
+    where
+        Self: 'r;
+
+    fn row(&self, y: usize) -> FloatRow<'_, C> {
+        FloatRow { pixels: from_row(self.data, self.stride, y).as_chunks().0, curve: &self.curve }
+    }
+}
+
+impl<C: Fn(f32) -> f32> Row for FloatRow<'_, C> {
+    #[inline(always)]
+    fn add(&self, start: usize, end: usize, mut sums: Sums) -> Sums {
+        for pixel in span(self.pixels, start, end) {
+            for (sum, &value) in sums.iter_mut().zip(pixel) {
+                *sum += fixed((self.curve)(value.min(1.0)), value >= 1.0);
             }
         }
-        Sum { rgb, clipped: most.iter().any(|&value| value >= 1.0) }
+        sums
     }
+}
+
+/// [`fixed`] of every [`step`]: the clamp to 8-bit codes is in the table.
+fn steps_table(codes: &[u64; 256]) -> [u64; STEPS] {
+    let mut table = [0; STEPS];
+    for (value, slot) in (LOWEST..).zip(&mut table) {
+        *slot = codes[usize::from(value.clamp(0, 255) as u8)];
+    }
+    table
 }
 
 struct Yuv<'a> {
     planes: YuvPlanes<'a>,
     converter: Converter,
-    table: &'a [f32; 256],
+    table: &'a [u64; STEPS],
 }
 
-impl Source for Yuv<'_> {
-    #[inline]
-    fn sum(&self, y: usize, start: usize, end: usize) -> Sum {
+struct YuvRow<'a> {
+    luma: &'a [u8],
+    u: &'a [u8],
+    v: &'a [u8],
+    source: &'a Yuv<'a>,
+}
+
+impl<'a> Source for Yuv<'a> {
+    type Row<'r>
+        = YuvRow<'r>
+    where
+        Self: 'r;
+
+    fn row(&self, y: usize) -> YuvRow<'_> {
         let p = &self.planes;
-        let (luma_row, chroma_row) = (y * p.y_row_stride, y / 2 * p.uv_row_stride);
-        let (mut rgb, mut most) = ([0.0; 3], [0; 3]);
-        for x in start..end {
-            let chroma = chroma_row + x / 2 * p.uv_pixel_stride;
-            let (luma, u, v) = (p.y.get(luma_row + x * p.y_pixel_stride), p.u.get(chroma), p.v.get(chroma));
-            let (Some(&luma), Some(&u), Some(&v)) = (luma, u, v) else { break };
-            for ((sum, most), code) in rgb.iter_mut().zip(&mut most).zip(self.converter.rgb(luma, u, v)) {
-                *sum += self.table[usize::from(code)];
-                *most = code.max(*most);
-            }
+        YuvRow {
+            luma: from_row(p.y, p.y_row_stride, y),
+            u: from_row(p.u, p.uv_row_stride, y / 2),
+            v: from_row(p.v, p.uv_row_stride, y / 2),
+            source: self,
         }
-        Sum { rgb, clipped: most.iter().any(|&code| code >= CLIPPED_BYTE) }
+    }
+}
+
+impl Row for YuvRow<'_> {
+    #[inline(always)]
+    fn add(&self, start: usize, end: usize, mut sums: Sums) -> Sums {
+        let Yuv { planes, converter, table } = self.source;
+        let mut x = start;
+        while x < end {
+            // As far as the same chroma sample reaches.
+            let stop = end.min(x / 2 * 2 + 2);
+            let chroma = x / 2 * planes.uv_pixel_stride;
+            let (Some(&u), Some(&v)) = (self.u.get(chroma), self.v.get(chroma)) else { break };
+            let tint = converter.tint(u, v);
+            for x in x..stop {
+                let luma = converter.luma(self.luma.get(x * planes.y_pixel_stride).copied().unwrap_or(0));
+                for (sum, tint) in sums.iter_mut().zip(tint) {
+                    // The mask keeps the index inside, which it is anyway: no bounds check.
+                    *sum += table[step(luma, tint) as usize % STEPS];
+                }
+            }
+            x = stop;
+        }
+        sums
     }
 }

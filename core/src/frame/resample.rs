@@ -1,14 +1,65 @@
 //! Area resampling of a square window of the photo to n x n, in linear light, source row by source row.
 //!
-//! Shrinking: every output pixel is the mean over the box that it covers, with exact weights for the source pixels at
-//! the box's border. Growing (window smaller than n): bilinear between source pixel centres. At equal size and whole
-//! borders both copy. Sums run in a fixed order: column by column within a row, then row by row.
+//! Shrinking: every output pixel is the mean over the box that it covers. A source pixel in which a box's border falls
+//! counts for both boxes, in parts. Growing (window smaller than n): bilinear between source
+//! pixel centres. At equal size and whole borders both copy.
+//!
+//! Linear light is added up as integers ([`fixed`]): exact in any order, and loads from a table keep up with the widest
+//! registers, whose gathers are no faster. Only the sums over a box's rows become floats (f64), in one order, so the bits
+//! are the same everywhere.
 use super::Crop;
-use super::pixels::{Source, Sum};
+use crate::Error;
+use crate::arena::{Arena, bytes_for};
 use crate::exec::{Executor, Plane, ROWS_PER_BLOCK, for_each_row_block, planes3};
+use crate::kernels::Simd;
+use bytemuck::{Pod, Zeroable};
+use core::ops::Range;
 
-/// Source pixels with less weight than this are rounding, not part of a box.
+/// Less of a source pixel than this is rounding, not part of a box.
 const SLIVER: f64 = 1e-6;
+/// Integer units of linear light in white: all values of 8-bit codes are whole numbers of them.
+const ONE: f32 = (1_u64 << 36) as f32;
+/// Marks a clipped channel of a pixel. Sums of [`MOST`] pixels stay below it, and as many marks fit above it.
+const CLIPPED: u64 = 1 << 49;
+/// Most pixels that are added up as integers.
+const MOST: usize = 1 << 12;
+/// Boxes of a row that are worked on together.
+const RUN: usize = 128;
+
+/// Linear light in [0,1] as an integer, marked if its pixel counts as clipped.
+#[inline(always)]
+pub(super) fn fixed(linear: f32, clipped: bool) -> u64 {
+    // Exact for 0 and from 2^-12 up: the product is with a power of two.
+    (linear * ONE) as u64 + if clipped { CLIPPED } else { 0 }
+}
+
+/// Photos whose pixels can be added up row by row.
+pub(super) trait Source: Sync {
+    /// A row of it.
+    type Row<'r>: Row
+    where
+        Self: 'r;
+
+    /// Row `y`; rows outside are black.
+    fn row(&self, y: usize) -> Self::Row<'_>;
+}
+
+/// A row of pixels.
+pub(super) trait Row {
+    /// `sums` with [`fixed`] of pixels `start..end` added. Those outside are black.
+    fn add(&self, start: usize, end: usize, sums: Sums) -> Sums;
+}
+
+/// Sums of [`fixed`] over at most [`MOST`] pixels, for R, G and B.
+pub(super) type Sums = [u64; 3];
+
+/// Linear light of a sum, exact.
+#[inline(always)]
+fn linear(sum: u64) -> f64 {
+    // The bits of 2^52 with the sum in its lowest bits: vectors convert f64 fast, u64 not.
+    const SHIFT: f64 = (1_u64 << 52) as f64;
+    (f64::from_bits((sum & (CLIPPED - 1)) | SHIFT.to_bits()) - SHIFT) * (1.0 / ONE as f64)
+}
 
 /// A square window of a photo and the pixels to make of it.
 #[derive(Clone, Copy, Debug)]
@@ -27,48 +78,9 @@ impl Window {
     }
 }
 
-/// Consecutive source pixels: the first and last count in part, those between in full.
-#[derive(Clone, Copy, Debug)]
-struct Cell {
-    first: usize,
-    last: usize,
-    first_weight: f32,
-    last_weight: f32,
-}
-
-impl Cell {
-    /// The box `index` of boxes `step` wide from `origin`, within 0..`limit`.
-    fn of_box(origin: f64, step: f64, index: usize, limit: usize) -> Self {
-        let start = (origin + step * index as f64).max(0.0);
-        let end = (origin + step * (index + 1) as f64).min(limit as f64);
-        let mut first = start as usize;
-        let mut first_weight = first as f64 + 1.0 - start;
-        if first_weight < SLIVER {
-            (first, first_weight) = (first + 1, 1.0);
-        }
-        let mut last = end as usize;
-        let mut last_weight = end - last as f64;
-        if last_weight < SLIVER {
-            (last, last_weight) = (last.saturating_sub(1), 1.0);
-        }
-        if first >= last {
-            let first = first.min(limit - 1);
-            return Self { first, last: first, first_weight: (end - start) as f32, last_weight: 0.0 };
-        }
-        Self { first, last, first_weight: first_weight as f32, last_weight: last_weight as f32 }
-    }
-
-    /// The two pixels whose centres lie around the centre of box `index`, at the border the border pixel twice.
-    fn between_centres(origin: f64, step: f64, index: usize, limit: usize) -> Self {
-        let last = limit - 1;
-        let at = (origin + step * (index as f64 + 0.5) - 0.5).clamp(0.0, last as f64);
-        let first = (at as usize).min(last);
-        let part = (at - first as f64) as f32;
-        if part < SLIVER as f32 {
-            return Self { first, last: first, first_weight: 1.0, last_weight: 0.0 };
-        }
-        Self { first, last: (first + 1).min(last), first_weight: 1.0 - part, last_weight: part }
-    }
+/// Bytes that [`run`] takes for itself.
+pub(super) const fn scratch_bytes(size: usize) -> usize {
+    bytes_for::<Border>(size + 1)
 }
 
 /// Fills `rgb` (3 planes of n x n) and `clipped` (1 plane) from the window of `source`.
@@ -78,57 +90,248 @@ pub(super) fn run<S: Source>(
     exec: &dyn Executor,
     rgb: &mut [f32],
     clipped: &mut [u8],
-) {
+    arena: &mut Arena<'_>,
+) -> Result<(), Error> {
     let n = window.size;
+    let columns = arena.scope().take::<Border>(n + 1)?;
+    for (index, column) in columns.iter_mut().enumerate() {
+        *column = Border::new(window.x, window.step, index, window.width);
+    }
+    let columns = &*columns;
     let out = (planes3(rgb, n, n), Plane::new(clipped, n));
-    let shrink = window.step >= 1.0;
-    let cell = if shrink { Cell::of_box } else { Cell::between_centres };
-    let norm = if shrink { (1.0 / (window.step * window.step)) as f32 } else { 1.0 };
-    for_each_row_block(exec, n, ROWS_PER_BLOCK, out, &|range, ([mut r, mut g, mut b], mut clipped)| {
-        let rows = r.rows().zip(g.rows()).zip(b.rows()).zip(clipped.rows());
-        for (i, (((r, g), b), clipped)) in range.zip(rows) {
-            clipped.fill(0);
-            let rows = cell(window.y, window.step, i, window.height);
-            for y in rows.first..=rows.last {
-                let weight = if y == rows.first {
-                    rows.first_weight
-                } else if y == rows.last {
-                    rows.last_weight
-                } else {
-                    1.0
-                };
-                let pixels = r.iter_mut().zip(g.iter_mut()).zip(b.iter_mut()).zip(clipped.iter_mut());
-                for (j, (((r, g), b), clipped)) in pixels.enumerate() {
-                    let sum = row_sum(source, y, &cell(window.x, window.step, j, window.width));
-                    if y == rows.first {
-                        [*r, *g, *b] = sum.rgb.map(|v| v * weight);
-                    } else {
-                        *r += sum.rgb[0] * weight;
-                        *g += sum.rgb[1] * weight;
-                        *b += sum.rgb[2] * weight;
-                    }
-                    *clipped |= u8::from(sum.clipped);
-                }
-            }
-            for value in r.iter_mut().chain(g).chain(b) {
-                *value = (*value * norm).min(1.0);
-            }
+    for_each_row_block(exec, n, ROWS_PER_BLOCK, out, &|rows, (rgb, clipped)| {
+        if window.step >= 1.0 {
+            shrink(source, window, columns, rows, exec.simd(), (rgb, clipped));
+        } else {
+            grow(source, window, rows, rgb, clipped);
         }
     });
+    Ok(())
 }
 
-/// The weighted sum over a cell's columns of one row.
-#[inline]
-fn row_sum<S: Source>(source: &S, y: usize, cell: &Cell) -> Sum {
-    let first = source.sum(y, cell.first, cell.first + 1);
-    let mut sum = Sum { rgb: first.rgb.map(|v| v * cell.first_weight), clipped: first.clipped };
-    if cell.last > cell.first {
-        let middle = source.sum(y, cell.first + 1, cell.last);
-        let last = source.sum(y, cell.last, cell.last + 1);
-        for ((sum, m), l) in sum.rgb.iter_mut().zip(middle.rgb).zip(last.rgb) {
-            *sum += m + l * cell.last_weight;
-        }
-        sum.clipped |= middle.clipped | last.clipped;
+/// Where two boxes meet: in which pixel, and how much of it belongs to the box before; [0,1).
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+#[repr(C)]
+struct Border {
+    pixel: u32,
+    part: f32,
+}
+
+impl Border {
+    /// The border before box `index` of boxes `step` wide from `origin`, within 0..=`limit`.
+    fn new(origin: f64, step: f64, index: usize, limit: usize) -> Self {
+        let at = (origin + step * index as f64).clamp(0.0, limit as f64);
+        let pixel = (at + SLIVER) as u32;
+        let part = at - f64::from(pixel);
+        Self { pixel, part: if part < SLIVER { 0.0 } else { part as f32 } }
     }
-    sum
+
+    /// How much the border's pixel counts for the box behind it, which ends at `end`, and how much `end`'s pixel does.
+    #[inline(always)]
+    fn weights(self, end: Self) -> (f64, f64) {
+        let (part, end_part) = (f64::from(self.part), f64::from(end.part));
+        if self.pixel == end.pixel { (end_part - part, 0.0) } else { (1.0 - part, end_part) }
+    }
+
+    fn index(self) -> usize {
+        self.pixel as usize
+    }
+}
+
+/// Rows of means over boxes, a run of columns at a time.
+fn shrink<S: Source>(
+    source: &S,
+    window: &Window,
+    columns: &[Border],
+    rows: Range<usize>,
+    simd: Simd,
+    (mut rgb, mut clipped): ([Plane<'_, f32>; 3], Plane<'_, u8>),
+) {
+    let border = |index| Border::new(window.y, window.step, index, window.height);
+    let norm = 1.0 / (window.step * window.step);
+    for start in (0..window.size).step_by(RUN) {
+        let columns = columns.get(start..window.size.min(start + RUN) + 1).unwrap_or(&[]);
+        let boxes = Boxes::new(window, columns, simd);
+        let mut from = border(rows.start);
+        let mut first = boxes.add_up(source, from.index()..from.index() + 1);
+        let [r, g, b] = &mut rgb;
+        let out = r.rows().zip(g.rows()).zip(b.rows()).zip(clipped.rows());
+        for (index, (((r, g), b), clipped)) in rows.clone().zip(out) {
+            let to = border(index + 1);
+            let inside = boxes.add_up(source, from.index() + 1..to.index());
+            let last = boxes.add_up(source, to.index()..to.index() + 1);
+            let (weight, last_weight) = from.weights(to);
+            simd.run(
+                #[inline(always)]
+                || {
+                    for (c, out) in [r, g, b].into_iter().enumerate() {
+                        let mut means = [0.0_f32; RUN];
+                        for i in 0..RUN {
+                            let sum =
+                                first.rgb[c][i] * weight + (inside.rgb[c][i] + last.rgb[c][i] * last_weight);
+                            let mean = (sum * norm) as f32;
+                            means[i] = if mean < 1.0 { mean } else { 1.0 };
+                        }
+                        out.iter_mut().skip(start).zip(means).for_each(|(out, mean)| *out = mean);
+                    }
+                    let counts = if last_weight > 0.0 { u64::MAX } else { 0 };
+                    for (i, out) in clipped.iter_mut().skip(start).take(RUN).enumerate() {
+                        *out =
+                            u8::from(first.marks[i] | inside.marks[i] | (last.marks[i] & counts) >= CLIPPED);
+                    }
+                },
+            );
+            (from, first) = (to, last);
+        }
+    }
+}
+
+/// A run of boxes in a row: their borders, and how much the pixels on them count.
+struct Boxes<'a> {
+    columns: &'a [Border],
+    weights: [f64; RUN],
+    last_weights: [f64; RUN],
+    height: usize,
+    /// Most pixels from border to border.
+    longest: usize,
+    simd: Simd,
+}
+
+/// Rows added up: for each box of a run its sums, columns weighted, and its pixels' marks (and other bits below).
+struct Line {
+    rgb: [[f64; RUN]; 3],
+    marks: [u64; RUN],
+}
+
+impl<'a> Boxes<'a> {
+    fn new(window: &Window, columns: &'a [Border], simd: Simd) -> Self {
+        let (mut weights, mut last_weights) = ([0.0; RUN], [0.0; RUN]);
+        let borders = columns.iter().zip(columns.iter().skip(1));
+        for ((weight, last), (from, to)) in weights.iter_mut().zip(&mut last_weights).zip(borders) {
+            (*weight, *last) = from.weights(*to);
+        }
+        let longest = window.step as usize + 2;
+        Self { columns, weights, last_weights, height: window.height, longest, simd }
+    }
+
+    fn add_up<S: Source>(&self, source: &S, rows: Range<usize>) -> Line {
+        let mut line = Line { rgb: [[0.0; RUN]; 3], marks: [0; RUN] };
+        // As many rows at once as can be added up; of boxes too long for a single row, one part after the other.
+        let most = (MOST / self.longest).max(1);
+        let end = rows.end.min(self.height);
+        let mut y = rows.start;
+        while y < end {
+            let some = y..end.min(y + most);
+            for part in (0..self.longest).step_by(MOST) {
+                self.add(source, some.clone(), part, &mut line);
+            }
+            y = some.end;
+        }
+        line
+    }
+
+    /// Adds rows; of the pixels within each box, those from `part` on, at most [`MOST`].
+    fn add<S: Source>(&self, source: &S, rows: Range<usize>, part: usize, line: &mut Line) {
+        // The pixels on the borders and those between them.
+        let (mut borders, mut inside) = ([[0; RUN + 1]; 3], [[0; RUN]; 3]);
+        let count = self.columns.len().saturating_sub(1).min(RUN);
+        for y in rows {
+            let row = source.row(y);
+            let mut from = self.columns.first().map_or(0, |border| border.index());
+            for (i, to) in self.columns.iter().skip(1).enumerate().take(RUN) {
+                let to = to.index();
+                if part == 0 {
+                    add_at(&mut borders, i, |sums| row.add(from, from + 1, sums));
+                }
+                let start = from + 1 + part;
+                add_at(&mut inside, i, |sums| row.add(start, to.min(start + MOST), sums));
+                from = to;
+            }
+            if part == 0 {
+                add_at(&mut borders, count, |sums| row.add(from, from + 1, sums));
+            }
+        }
+        self.simd.run(
+            #[inline(always)]
+            || {
+                for ((sums, borders), inside) in line.rgb.iter_mut().zip(&borders).zip(&inside) {
+                    let (before, behind) = (first(borders), last(borders));
+                    for i in 0..RUN {
+                        let (weight, last_weight) = (self.weights[i], self.last_weights[i]);
+                        let middle = linear(inside[i]) + linear(behind[i]) * last_weight;
+                        sums[i] += linear(before[i]) * weight + middle;
+                        let counts = if last_weight > 0.0 { u64::MAX } else { 0 };
+                        line.marks[i] |= before[i] | inside[i] | (behind[i] & counts);
+                    }
+                }
+            },
+        );
+    }
+}
+
+/// All but the last.
+#[inline(always)]
+fn first(borders: &[u64; RUN + 1]) -> &[u64; RUN] {
+    borders.first_chunk().unwrap_or(&[0; RUN])
+}
+
+/// All but the first.
+#[inline(always)]
+fn last(borders: &[u64; RUN + 1]) -> &[u64; RUN] {
+    borders.last_chunk().unwrap_or(&[0; RUN])
+}
+
+/// Changes the three sums at `index`.
+#[inline(always)]
+fn add_at<const N: usize>(sums: &mut [[u64; N]; 3], index: usize, add: impl FnOnce(Sums) -> Sums) {
+    let [r, g, b] = sums;
+    if let (Some(r), Some(g), Some(b)) = (r.get_mut(index), g.get_mut(index), b.get_mut(index)) {
+        [*r, *g, *b] = add([*r, *g, *b]);
+    }
+}
+
+/// The two pixels whose centres lie around a point, and how much the second counts.
+#[derive(Clone, Copy, Debug)]
+struct Between {
+    first: usize,
+    second: usize,
+    part: f32,
+}
+
+impl Between {
+    /// Around the centre of box `index`; at the border the border pixel alone.
+    fn new(origin: f64, step: f64, index: usize, limit: usize) -> Self {
+        let last = limit.saturating_sub(1);
+        let at = (origin + step * (index as f64 + 0.5) - 0.5).clamp(0.0, last as f64);
+        let first = (at as usize).min(last);
+        let part = (at - first as f64) as f32;
+        let part = if part < SLIVER as f32 { 0.0 } else { part };
+        Self { first, second: if part > 0.0 { (first + 1).min(last) } else { first }, part }
+    }
+}
+
+/// Rows of interpolated pixels.
+fn grow<S: Source>(
+    source: &S,
+    window: &Window,
+    rows: Range<usize>,
+    [mut r, mut g, mut b]: [Plane<'_, f32>; 3],
+    mut marks: Plane<'_, u8>,
+) {
+    let mix = |[a, b]: [f32; 2], part: f32| a * (1.0 - part) + b * part;
+    let pixel = |row: &S::Row<'_>, x: usize| row.add(x, x + 1, [0; 3]);
+    let out = r.rows().zip(g.rows()).zip(b.rows()).zip(marks.rows());
+    for (index, (((r, g), b), marks)) in rows.zip(out) {
+        let down = Between::new(window.y, window.step, index, window.height);
+        let pair = [source.row(down.first), source.row(down.second)];
+        for (j, (((r, g), b), mark)) in r.iter_mut().zip(g).zip(b).zip(marks).enumerate() {
+            let across = Between::new(window.x, window.step, j, window.width);
+            let corners = [0, 1].map(|i| [across.first, across.second].map(|x| pixel(&pair[i], x)));
+            for (c, out) in [r, g, b].into_iter().enumerate() {
+                let rows = corners.map(|row| mix(row.map(|sums| linear(sums[c]) as f32), across.part));
+                *out = mix(rows, down.part).min(1.0);
+            }
+            *mark = u8::from(corners.as_flattened().as_flattened().iter().any(|&sum| sum >= CLIPPED));
+        }
+    }
 }

@@ -1,7 +1,8 @@
 //! The frame stage against an oracle in f64 that knows nothing of rows, and against itself in another layout.
 use super::transfer::srgb_to_linear;
 use super::*;
-use crate::exec::Inline;
+use crate::exec::{At, Inline};
+use crate::kernels::{Level, Simd};
 use crate::testing::property;
 use proptest::prelude::*;
 use std::vec;
@@ -39,27 +40,31 @@ fn image(sides: core::ops::Range<usize>) -> impl Strategy<Value = (usize, usize,
         .prop_flat_map(|(w, h)| (Just(w), Just(h), proptest::collection::vec(any::<u8>(), 3 * w * h)))
 }
 
-/// Mean over boxes in f64: every source pixel's overlap with every output pixel.
-fn oracle(data: &[u8], width: usize, height: usize, crop: &Crop, size: usize) -> Vec<f32> {
+/// Mean over boxes in f64: every source pixel's overlap with every output pixel; and whether a clipped one has any.
+fn oracle(data: &[u8], width: usize, height: usize, crop: &Crop, size: usize) -> (Vec<f32>, Vec<u8>) {
     let step = crop.side / size as f64;
     let overlap = |from: f64, pixel: usize| {
         ((from + step).min(pixel as f64 + 1.0) - from.max(pixel as f64)).max(0.0) / step
     };
-    let mut out = vec![0.0_f64; 3 * size * size];
+    let (mut out, mut clipped) = (vec![0.0_f64; 3 * size * size], vec![0; size * size]);
     for i in 0..size {
         for j in 0..size {
             for y in 0..height {
-                for x in 0..width {
-                    let weight = overlap(crop.y + step * i as f64, y) * overlap(crop.x + step * j as f64, x);
+                let down = overlap(crop.y + step * i as f64, y);
+                for x in 0..if down > 0.0 { width } else { 0 } {
+                    let across = overlap(crop.x + step * j as f64, x);
+                    let touched = down.min(across) * step > 1e-6;
                     for c in 0..3 {
-                        let code = f32::from(data[3 * (y * width + x) + c]) / 255.0;
-                        out[(c * size + i) * size + j] += weight * f64::from(srgb_to_linear(code));
+                        let code = data[3 * (y * width + x) + c];
+                        let linear = f64::from(srgb_to_linear(f32::from(code) / 255.0));
+                        out[(c * size + i) * size + j] += down * across * linear;
+                        clipped[i * size + j] |= u8::from(touched && code >= 254);
                     }
                 }
             }
         }
     }
-    out.iter().map(|&v| v as f32).collect()
+    (out.iter().map(|&v| v as f32).collect(), clipped)
 }
 
 #[test]
@@ -69,11 +74,53 @@ fn area_resampling_is_the_mean_over_boxes() {
         let fov = FieldOfView::shorter_side(degrees);
         let crop = frame.crop(&fov).expect("angle");
         prop_assume!(crop.side >= size as f64);
-        let got = prepared(&frame, size, &fov);
-        prop_assert!(farthest(&got.rgb, &oracle(&data, w, h, &crop, size)) < 2e-6);
+        let (got, (rgb, clipped)) = (prepared(&frame, size, &fov), oracle(&data, w, h, &crop, size));
+        prop_assert!(farthest(&got.rgb, &rgb) < 2e-6);
+        prop_assert_eq!(got.clipped, clipped);
         prop_assert_eq!(got.fov_deg, crop.fov_deg);
         Ok(())
     });
+}
+
+/// Boxes longer than what is added up at once, and more boxes in a row than are worked on at once.
+#[test]
+fn boxes_and_rows_of_any_length() {
+    let at = |i: usize| (i as u32).wrapping_mul(2_654_435_761).to_be_bytes()[0];
+    let images: [(usize, usize, fn(usize) -> u8); 3] =
+        [(143, 131, |i| if i == 40_000 { 255 } else { 90 }), (131, 200, |_| 255), (97, 97, |i| i as u8)];
+    for (w, h, value) in images {
+        let data: Vec<u8> = (0..3 * w * h).map(value).collect();
+        let noise: Vec<u8> = (0..3 * w * h).map(at).collect();
+        for (data, size) in [(&data, 1), (&noise, 1), (&noise, 2), (&noise, 33), (&data, 65), (&noise, 96)] {
+            let frame = Frame::rgb8(data, w, h, 3 * w).expect("frame");
+            let crop = frame.crop(&FieldOfView::default()).expect("angle");
+            let (got, (rgb, clipped)) = (whole(&frame, size), oracle(data, w, h, &crop, size));
+            assert!(farthest(&got.rgb, &rgb) < 2e-6, "{w} {h} {size}");
+            assert_eq!(got.clipped, clipped, "{w} {h} {size}");
+        }
+    }
+    // Boxes of 5000 pixels a row, more than are added up at once.
+    let long: Vec<u8> = (0..3 * 5000 * 3).map(at).collect();
+    let row = |y: usize| &long[3 * 5000 * y..3 * 5000 * (y + 1)];
+    let square = [0, 1, 2].map(row).concat().repeat(5000 / 3 + 1);
+    let frame = Frame::rgb8(&square, 5000, 5000, 3 * 5000).expect("frame");
+    let got = whole(&frame, 1);
+    let mean = |c: usize| {
+        let codes = square.iter().take(3 * 5000 * 5000).skip(c).step_by(3);
+        let sum: f64 = codes.map(|&code| f64::from(srgb_to_linear(f32::from(code) / 255.0))).sum();
+        (sum / 25e6) as f32
+    };
+    assert!(farthest(&got.rgb, &[0, 1, 2].map(mean)) < 1e-6 && got.clipped == [1]);
+    // A million pixels and more in one box: their sum does not overflow.
+    let side = 1100;
+    let data: Vec<u8> = (0..3 * side * side).map(|i| 235 + i as u8 % 19).collect();
+    let mean = |c: usize| {
+        let codes =
+            data.iter().skip(c).step_by(3).map(|&code| f64::from(srgb_to_linear(f32::from(code) / 255.0)));
+        (codes.sum::<f64>() / (side * side) as f64) as f32
+    };
+    let got = whole(&Frame::rgb8(&data, side, side, 3 * side).expect("frame"), 1);
+    assert!(farthest(&got.rgb, &[0, 1, 2].map(mean)) < 1e-6 && got.clipped == [0]);
 }
 
 #[test]
@@ -372,6 +419,21 @@ fn no_size_or_stride_panics() {
         }
         Ok(())
     });
+}
+
+#[test]
+fn the_cpu_level_does_not_change_a_bit() {
+    let data: Vec<u8> = (0..3 * 97 * 61).map(|i| (i * 37 % 251) as u8).collect();
+    let rgb = Frame::rgb8(&data, 97, 61, 291).expect("frame");
+    let yuv = Frame::nv12(&data, 97, &data[97 * 61..], 98, 97, 61).expect("frame");
+    for (frame, size) in [(&rgb, 7), (&rgb, 60), (&yuv, 33), (&rgb, 129)] {
+        let fov = FieldOfView::shorter_side(50.0);
+        let baseline = prepared(frame, size, &fov);
+        for simd in Level::ALL.into_iter().filter_map(|level| Simd::for_level(level).ok()) {
+            let got = prepared_by(&At::new(&Inline, simd), frame, size, &fov);
+            assert!(got.rgb == baseline.rgb && got.clipped == baseline.clipped, "{simd:?} {size}");
+        }
+    }
 }
 
 #[cfg(feature = "parallel")]

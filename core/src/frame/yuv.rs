@@ -81,6 +81,17 @@ fn check_plane(len: usize, width: usize, height: usize, row: usize, pixel: usize
     super::pixels::check_buffer(len, last.checked_add(1).ok_or(Error::FrameTooLarge)?, height, row)
 }
 
+/// What step 0 stands for, in 8-bit codes: below the least that blue can be, BT.709 limited's 1.164 (0 - 16) - 2.112 128.
+pub(super) const LOWEST: i32 = -384;
+/// Steps, past the most that blue can be: 1.164 (255 - 16) + 2.112 127. A power of two.
+pub(super) const STEPS: usize = 1024;
+
+/// R, G or B rounded to whole codes, not clamped to 0..=255, from [`LOWEST`]; less than [`STEPS`].
+#[inline(always)]
+pub(super) fn step(luma: i32, tint: i32) -> i32 {
+    (luma + tint) >> 16
+}
+
 /// YUV to RGB in 16-bit fixed point.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Converter {
@@ -114,18 +125,49 @@ impl Converter {
         }
     }
 
-    #[inline]
-    pub(super) fn rgb(&self, y: u8, u: u8, v: u8) -> [u8; 3] {
-        let y = (i32::from(y) - self.black) * self.luma + 32768;
+    /// What luma adds to R, G and B, in 1/65536 codes above [`LOWEST`], and a half to round with.
+    #[inline(always)]
+    pub(super) fn luma(&self, y: u8) -> i32 {
+        (i32::from(y) - self.black) * self.luma + 32768 - LOWEST * 65536
+    }
+
+    /// What chroma adds to each of R, G and B, in 1/65536 codes.
+    #[inline(always)]
+    pub(super) fn tint(&self, u: u8, v: u8) -> [i32; 3] {
         let (u, v) = (i32::from(u) - 128, i32::from(v) - 128);
-        let code = |x: i32| (x >> 16).clamp(0, 255) as u8;
-        [code(y + self.rv * v), code(y - self.gu * u - self.gv * v), code(y + self.bu * u)]
+        [self.rv * v, -self.gu * u - self.gv * v, self.bu * u]
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    impl Converter {
+        fn steps(&self, y: u8, u: u8, v: u8) -> [i32; 3] {
+            self.tint(u, v).map(|tint| step(self.luma(y), tint))
+        }
+
+        fn rgb(&self, y: u8, u: u8, v: u8) -> [u8; 3] {
+            self.steps(y, u, v).map(|step| (step + LOWEST).clamp(0, 255) as u8)
+        }
+    }
+
+    /// Steps are sums of a term of luma and one or two of chroma: the extremes are at extremes.
+    #[test]
+    fn steps_stay_within_their_bounds() {
+        for matrix in [YuvMatrix::Bt601, YuvMatrix::Bt709] {
+            for range in [Range::Full, Range::Limited] {
+                let converter = Converter::new(matrix, range);
+                for i in 0..8_u8 {
+                    let [y, u, v] = [1, 2, 4].map(|bit| if i & bit == 0 { 0 } else { 255 });
+                    for step in converter.steps(y, u, v) {
+                        assert!((0..STEPS as i32).contains(&step), "{matrix:?} {range:?} {step}");
+                    }
+                }
+            }
+        }
+    }
 
     /// The luma equation forwards, in f64: an independent way to the same colours.
     fn yuv(rgb: [u8; 3], matrix: YuvMatrix, range: Range) -> [u8; 3] {
