@@ -5,6 +5,7 @@
 #   ./ci.sh rust       only the Rust half        ./ci.sh train     only the training kit
 #   ./ci.sh ffi        only the C library's checks beyond the Rust tests (its C tests are among those)
 #   ./ci.sh swift      only the Swift package (sets up a Swift toolchain below target/ where it can: root, Debian)
+#   ./ci.sh counts     only the instruction counts of the hot stages (x86-64; installs valgrind where it can: root, Debian)
 #   ./ci.sh viewer     only the glTF of the samples in a validator and a viewer (node, Chromium)
 #   ./ci.sh android    only the Android library (a JDK; fetches JUnit, Kotlin's compiler, a cross toolchain)
 set -euo pipefail
@@ -23,6 +24,12 @@ rust() {
   step "core without std, without a heap"
   cargo check -p flashmat-core --no-default-features --locked
   cargo check -p flashmat-core --no-default-features --features alloc --locked
+}
+
+counts() {
+  step "instructions of the hot stages"
+  # 3: not run, and it said why.
+  tests/counts/check.sh || [ $? = 3 ]
 }
 
 android() {
@@ -86,6 +93,7 @@ case $part in
   # Not `rust && ...`: bash ignores errors inside functions of such a list.
   all)
     rust
+    counts
     ffi
     swift_package
     android
@@ -93,11 +101,12 @@ case $part in
     train
     ;;
   rust) rust ;;
+  counts) counts ;;
   ffi) ffi ;;
   swift) swift_package ;;
   android) android ;;
   viewer) viewer ;;
   train) train ;;
-  *) echo "ci.sh: no part named '$part'; say all, rust, ffi, swift, android, viewer or train" >&2; exit 2 ;;
+  *) echo "ci.sh: no part named '$part'; say all, rust, counts, ffi, swift, android, viewer or train" >&2; exit 2 ;;
 esac
 step "all passed"
