@@ -166,11 +166,10 @@ fn shrink<S: Source>(
                 || {
                     for (c, out) in [r, g, b].into_iter().enumerate() {
                         let mut means = [0.0_f32; RUN];
-                        for i in 0..RUN {
-                            let sum =
-                                first.rgb[c][i] * weight + (inside.rgb[c][i] + last.rgb[c][i] * last_weight);
-                            let mean = (sum * norm) as f32;
-                            means[i] = if mean < 1.0 { mean } else { 1.0 };
+                        for (i, slot) in means.iter_mut().enumerate() {
+                            let inside = inside.rgb[c][i] + last.rgb[c][i] * last_weight;
+                            let mean = ((first.rgb[c][i] * weight + inside) * norm) as f32;
+                            *slot = if mean < 1.0 { mean } else { 1.0 };
                         }
                         out.iter_mut().skip(start).zip(means).for_each(|(out, mean)| *out = mean);
                     }
