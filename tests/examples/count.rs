@@ -6,6 +6,7 @@
 use cpu_time::ThreadTime;
 use flashmat_core::arena::Arena;
 use flashmat_core::brdf::{self, Light};
+use flashmat_core::crf::scenes::{FOV, Scene};
 use flashmat_core::crf::{self, Coefficients, Energy, Options};
 use flashmat_core::exec::{At, Inline};
 use flashmat_core::frame::{FieldOfView, Frame, prepare, prepare_bytes};
@@ -15,7 +16,6 @@ use flashmat_core::net::{Model, Network};
 use flashmat_core::search;
 use flashmat_tests::models::{Widths, random_model};
 use flashmat_tests::runs::{NetRun, smooth_photo};
-use flashmat_tests::scenes::{FOV, Scene};
 
 const STAGES: [&str; 9] = [
     "load",
@@ -77,7 +77,7 @@ fn main() {
             let (scene, light) = (Scene::tiles(size, 81), Light::default());
             let (mut found, mut seen) = (vec![0.0; size * size], vec![0.0; size * size]);
             timed(runs, || {
-                let (photo, albedo, normal) = (scene.photo(), &scene.albedo, &scene.normal);
+                let (photo, albedo, normal) = (scene.image(), &scene.albedo, &scene.normal);
                 search::roughness(&photo, albedo, normal, 0.05, &light, &exec, &mut found, &mut seen)
                     .expect("searched");
             });
