@@ -87,6 +87,7 @@ pub fn refine<E: Energy<N>, const N: usize>(
     multiply(unary, out, rhs);
     let mut system = assemble(energy, unary, pairwise::<E, N>(&theta), vectors, exec, &mut arena)?;
     let report = if system.has_pairwise() {
+        system.add_coarse(exec, &mut arena)?;
         solve(&mut system, rhs, out, options, exec, vectors)?
     } else {
         Report::default()
@@ -124,6 +125,7 @@ pub fn derivative<E: Energy<N>, const N: usize>(
     let mut scope = arena.scope();
     let mut system = assemble(energy, unary, pairwise::<E, N>(&theta), vectors, exec, &mut scope)?;
     adjoint.fill(0.0);
+    system.add_coarse(exec, &mut scope)?;
     solve(&mut system, loss_gradient, adjoint, options, exec, vectors)?;
 
     let mut gradient = [0.0_f32; N];

@@ -1,9 +1,12 @@
-//! Conjugate gradients with the diagonal as preconditioner, for several right-hand sides at once.
+//! Conjugate gradients for several right-hand sides at once, preconditioned with the diagonal and, where the operator
+//! has one, a coarse correction ([`Operator::correct`]).
 //!
 //! Sums run row by row in a fixed order, so the result does not depend on the executor. Vectors hold `channels` planes
 //! one after the other; every channel has its own step sizes and stops on its own.
+use super::coarse::Cells;
 use crate::Error;
-use crate::exec::{Executor, Plane, ROWS_PER_BLOCK, for_each_row_block, sum_row_blocks};
+use crate::exec::{Executor, Plane, ROWS_PER_BLOCK, for_each_row, for_each_row_block, sum_row_blocks};
+use crate::lanes::LANES;
 
 /// Most channels solved at once.
 pub const MAX_CHANNELS: usize = 3;
@@ -16,6 +19,15 @@ pub trait Operator {
     fn apply(&mut self, x: &[f32], out: &mut [f32], exec: &dyn Executor);
     /// The diagonal of A, or something near it: positive, one plane.
     fn diagonal(&self) -> &[f32];
+    /// Makes the coarse correction c of a residual `r` of `channel`, constant over cells, and returns r^T c; nothing
+    /// and 0 where there is none.
+    fn correct(&mut self, _channel: usize, _r: &[f32], _exec: &dyn Executor) -> f64 {
+        0.0
+    }
+    /// The last correction of `channel`, if there are any: the cells and their values.
+    fn correction(&self, _channel: usize) -> Option<(Cells, &[f32])> {
+        None
+    }
 }
 
 /// When to stop.
@@ -38,8 +50,9 @@ impl Default for Options {
 pub struct Report {
     /// Steps taken.
     pub iterations: usize,
-    /// |A x - b| / |b| with |v|² = v^T diag(A)^-1 v, the largest of the channels': pixels with little say of their own
-    /// count as much as others.
+    /// |A x - b| / |b|, the largest of the channels', with |v|² = v^T M^-1 v, M being the preconditioner: diag(A), so that
+    /// pixels with little say of their own count as much as others, or that with a coarse correction, which comes near
+    /// the energy of the error in proportion to the solution's.
     pub residual: f32,
 }
 
@@ -81,42 +94,49 @@ pub fn solve(
         difference(b, q, r, size, exec);
     }
     let mut state = [Channel::default(); MAX_CHANNELS];
-    for (channel, (r, b)) in state.iter_mut().zip(r.chunks_exact(n2).zip(rhs.chunks_exact(n2))) {
-        channel.rhs = weighted_square(b, operator.diagonal(), size, exec);
-        channel.residual = weighted_square(r, operator.diagonal(), size, exec);
+    for (index, (channel, (r, b))) in
+        state.iter_mut().zip(r.chunks_exact(n2).zip(rhs.chunks_exact(n2))).enumerate()
+    {
+        channel.rhs = square(operator, index, b, exec);
+        channel.residual = square(operator, index, r, exec);
         if !channel.residual.is_finite() || !channel.rhs.is_finite() {
             return Err(Error::CrfInput);
         }
     }
+    for (index, (channel, (r, p))) in
+        state.iter().zip(r.chunks_exact(n2).zip(p.chunks_exact_mut(n2))).enumerate()
+    {
+        if channel.active(options) {
+            direction(r, operator, index, 0.0, p, exec);
+        } else {
+            p.fill(0.0);
+        }
+    }
     let mut iterations = 0;
     while iterations < options.max_iterations && state.iter().any(|c| c.active(options)) {
-        for (channel, (r, p)) in state.iter_mut().zip(r.chunks_exact(n2).zip(p.chunks_exact_mut(n2))) {
-            if channel.active(options) {
-                let beta = if iterations == 0 { 0.0 } else { (channel.residual / channel.before) as f32 };
-                direction(r, operator.diagonal(), beta, p, size, exec);
-            } else {
-                p.fill(0.0);
-            }
-        }
         operator.apply(p, q, exec);
-        let planes = p.chunks_exact(n2).zip(q.chunks_exact(n2));
+        iterations += 1;
+        let planes = p.chunks_exact_mut(n2).zip(q.chunks_exact(n2));
         let unknowns = x.chunks_exact_mut(n2).zip(r.chunks_exact_mut(n2));
-        for (channel, ((p, q), (x, r))) in state.iter_mut().zip(planes.zip(unknowns)) {
+        for (index, (channel, ((p, q), (x, r)))) in state.iter_mut().zip(planes.zip(unknowns)).enumerate() {
             if !channel.active(options) {
                 continue;
             }
             let curvature = dot(p, q, size, exec);
             let step = (channel.residual / curvature) as f32;
             // Rounding alone can bring this about; the channel's best solution so far stands.
-            if curvature.is_nan() || curvature <= 0.0 || !step.is_finite() {
-                channel.stuck = true;
-                continue;
+            channel.stuck = curvature.is_nan() || curvature <= 0.0 || !step.is_finite();
+            if !channel.stuck {
+                advance(step, p, q, x, r, size, exec);
+                let before = channel.residual;
+                channel.residual = square(operator, index, r, exec);
+                if channel.active(options) {
+                    direction(r, operator, index, (channel.residual / before) as f32, p, exec);
+                    continue;
+                }
             }
-            advance(step, p, q, x, r, size, exec);
-            channel.before = channel.residual;
-            channel.residual = weighted_square(r, operator.diagonal(), size, exec);
+            p.fill(0.0);
         }
-        iterations += 1;
     }
     let residual = state.iter().map(Channel::relative).fold(0.0, f64::max);
     Ok(Report { iterations, residual: residual as f32 })
@@ -124,10 +144,9 @@ pub fn solve(
 
 #[derive(Clone, Copy, Debug, Default)]
 struct Channel {
-    /// Squares of the norms of the right-hand side and the residual, and of the residual one step before.
+    /// Squares of the norms of the right-hand side and the residual.
     rhs: f64,
     residual: f64,
-    before: f64,
     stuck: bool,
 }
 
@@ -146,20 +165,39 @@ impl Channel {
     }
 }
 
-/// p = r / diagonal + beta p.
-fn direction(r: &[f32], diagonal: &[f32], beta: f32, p: &mut [f32], size: usize, exec: &dyn Executor) {
-    for_each_row_block(exec, size, ROWS_PER_BLOCK, Plane::new(p, size), &|rows, mut block| {
-        let (r, d) = (tail(r, rows.start * size), tail(diagonal, rows.start * size));
-        exec.simd().run(
-            #[inline(always)]
-            || {
-                for ((p, r), d) in block.values().iter_mut().zip(r).zip(d) {
-                    // The first direction must not meet what the workspace held.
-                    *p = if beta == 0.0 { r / d } else { r / d + beta * *p };
+/// r^T M^-1 r, M being the preconditioner; the correction that this makes stays for [`direction`].
+fn square(operator: &mut dyn Operator, channel: usize, r: &[f32], exec: &dyn Executor) -> f64 {
+    let fine = weighted_square(r, operator.diagonal(), operator.size(), exec);
+    fine + operator.correct(channel, r, exec)
+}
+
+/// p = M^-1 r + beta p, M being the preconditioner.
+fn direction(
+    r: &[f32],
+    operator: &dyn Operator,
+    channel: usize,
+    beta: f32,
+    p: &mut [f32],
+    exec: &dyn Executor,
+) {
+    let (size, diagonal, correction) = (operator.size(), operator.diagonal(), operator.correction(channel));
+    for_each_row(
+        exec,
+        size,
+        Plane::new(p, size),
+        #[inline(always)]
+        |y, p| {
+            for ((p, r), d) in p.iter_mut().zip(tail(r, y * size)).zip(tail(diagonal, y * size)) {
+                *p = if beta == 0.0 { r / d } else { r / d + beta * *p };
+            }
+            let Some((cells, values)) = correction else { return };
+            for (run, p) in p.chunks_mut(LANES).enumerate() {
+                for (p, value) in p.iter_mut().zip(&cells.expanded(values, y, run * LANES)) {
+                    *p += value;
                 }
-            },
-        );
-    });
+            }
+        },
+    );
 }
 
 /// r = b - q.
@@ -201,9 +239,10 @@ pub(super) fn tail(plane: &[f32], at: usize) -> &[f32] {
     plane.get(at..).unwrap_or(&[])
 }
 
-const LANES: usize = 16;
+/// Running sums of a row's sum.
+const SUMS: usize = 16;
 
-/// a^T b: rows of `width` values in [`LANES`] running f32 sums each, rows added up in f64.
+/// a^T b: rows of `width` values in [`SUMS`] running f32 sums each, rows added up in f64.
 #[must_use]
 pub(super) fn dot(a: &[f32], b: &[f32], width: usize, exec: &dyn Executor) -> f64 {
     rows_sum(
@@ -213,6 +252,19 @@ pub(super) fn dot(a: &[f32], b: &[f32], width: usize, exec: &dyn Executor) -> f6
         exec,
         #[inline(always)]
         |a, b| a * b,
+    )
+}
+
+/// The sum of a plane, summed up like [`dot`].
+#[must_use]
+pub(super) fn sum(a: &[f32], width: usize, exec: &dyn Executor) -> f64 {
+    rows_sum(
+        a,
+        a,
+        width,
+        exec,
+        #[inline(always)]
+        |a, _| a,
     )
 }
 
@@ -254,14 +306,14 @@ fn rows_sum(
     sum
 }
 
-/// The sum over a row: value i goes to running sum i modulo [`LANES`].
+/// The sum over a row: value i goes to running sum i modulo [`SUMS`].
 #[inline(always)]
-fn row_sum(a: &[f32], b: &[f32], term: impl Fn(f32, f32) -> f32) -> f32 {
-    let mut sums = [0.0_f32; LANES];
-    let (whole_a, rest_a) = a.as_chunks::<LANES>();
-    let (whole_b, rest_b) = b.as_chunks::<LANES>();
+pub(super) fn row_sum(a: &[f32], b: &[f32], term: impl Fn(f32, f32) -> f32) -> f32 {
+    let mut sums = [0.0_f32; SUMS];
+    let (whole_a, rest_a) = a.as_chunks::<SUMS>();
+    let (whole_b, rest_b) = b.as_chunks::<SUMS>();
     for (a, b) in whole_a.iter().zip(whole_b) {
-        for i in 0..LANES {
+        for i in 0..SUMS {
             sums[i] += term(a[i], b[i]);
         }
     }

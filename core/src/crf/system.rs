@@ -1,8 +1,9 @@
 //! The matrix of a CRF: A = diag(a) + b_1 L_1 + the graph of the bilateral kernels, see the [module](super).
+use super::coarse::{Cells, Coarse};
 use super::pairs::{Kernel, MAX_KERNELS, Pairs};
 use super::pattern::{SAMPLES, pattern};
 use super::separable::Spatial;
-use super::solver::{Operator, tail};
+use super::solver::{Operator, sum, tail};
 use crate::Error;
 use crate::arena::{Arena, bytes_for};
 use crate::exec::{Executor, ROWS_PER_BLOCK, for_each_row_block, planes3};
@@ -33,17 +34,25 @@ pub struct System<'a> {
     diagonal: &'a mut [f32],
     spatial: Option<Spatial<'a>>,
     pairs: Option<Pairs<'a>>,
+    /// Sigma in pixels and weight of kappa_1, and sigma of the graph.
+    widths: ((f32, f32), f32),
+    coarse: Option<Coarse<'a>>,
 }
 
+/// How many times the unary weights the diagonal must be, in sum over the pixels, for a coarse correction to save more
+/// steps than it costs (docs/crf.md).
+const COARSE_FROM: f64 = 5.0;
+
 impl<'a> System<'a> {
-    /// Bytes that [`System::new`] takes, the most that it needs while it runs included.
+    /// Bytes that [`System::new`] and [`System::add_coarse`] take, the most that they need while they run included.
     #[must_use]
     pub fn bytes(size: usize, spatial_sigma: f32, sigma: f32) -> usize {
         let pattern = pattern(pixels(sigma, size), SAMPLES);
+        let widest = pixels(spatial_sigma.max(sigma), size);
         bytes_for::<f32>(size.saturating_mul(size))
             .saturating_add(Spatial::bytes(size, pixels(spatial_sigma, size)))
             .saturating_add(Pairs::bytes(size, &pattern))
-            .saturating_add(Pairs::build_bytes(size))
+            .saturating_add(Pairs::build_bytes(size).max(Coarse::bytes(size, widest)))
     }
 
     /// The matrix with the unary weights `unary` (one plane, each >= 0) and the kernels. Kernels of weight 0 cost
@@ -87,7 +96,23 @@ impl<'a> System<'a> {
             pairs.add_row_sums(diagonal, exec);
             Some(pairs)
         };
-        Ok(Self { size, unary, diagonal, spatial, pairs })
+        let widths = ((pixels(sigma, size), 2.0 * weight), pixels(kernels.sigma, size));
+        Ok(Self { size, unary, diagonal, spatial, pairs, widths, coarse: None })
+    }
+
+    /// Adds a coarse correction to the preconditioner if it is worth its cost.
+    ///
+    /// # Errors
+    /// [`Error::WorkspaceTooSmall`].
+    pub fn add_coarse(&mut self, exec: &dyn Executor, arena: &mut Arena<'a>) -> Result<(), Error> {
+        let [unary, diagonal] = [self.unary, &*self.diagonal].map(|plane| sum(plane, self.size, exec));
+        if diagonal >= COARSE_FROM * unary {
+            let (spatial, sigma) = self.widths;
+            let widest = (self.size, sigma.max(spatial.0));
+            let spatial = self.spatial.is_some().then_some(spatial);
+            self.coarse = Some(Coarse::new(self.unary, self.pairs.as_ref(), spatial, widest, exec, arena)?);
+        }
+        Ok(())
     }
 
     /// Whether any kernel has weight: without, A is diagonal.
@@ -111,6 +136,14 @@ impl Operator for System<'_> {
 
     fn diagonal(&self) -> &[f32] {
         self.diagonal
+    }
+
+    fn correct(&mut self, channel: usize, r: &[f32], exec: &dyn Executor) -> f64 {
+        self.coarse.as_mut().map_or(0.0, |coarse| coarse.correct(channel, r, exec))
+    }
+
+    fn correction(&self, channel: usize) -> Option<(Cells, &[f32])> {
+        self.coarse.as_ref().map(|coarse| coarse.correction(channel))
     }
 
     fn apply(&mut self, x: &[f32], out: &mut [f32], exec: &dyn Executor) {

@@ -12,6 +12,7 @@
 //! when it is looked up from its far end: loops run over whole rows, whose length is a multiple of any vector's.
 //! Where the weight is 0 the partner's value is another pixel's, and must be finite.
 mod build;
+mod cells;
 mod codes;
 mod laplacian;
 mod layout;

@@ -1,4 +1,5 @@
 //! The CRFs against their oracle and their promises; inputs are seeded, and failures print the seed.
+mod coarse;
 mod gradient;
 mod oracle;
 mod promises;
