@@ -6,6 +6,7 @@
 use super::feature::{self, radius_squared};
 use super::refine::Energy;
 use crate::Error;
+use crate::exec::{Executor, Plane, ROWS_PER_BLOCK, for_each_row_block};
 use crate::maps::check_planes;
 use crate::math::expf;
 
@@ -44,12 +45,12 @@ impl Energy<5> for Albedo<'_> {
         self.albedo
     }
 
-    fn unary_map(&self, term: usize, out: &mut [f32]) {
+    fn unary_map(&self, term: usize, exec: &dyn Executor, out: &mut [f32]) {
         if term != 0 {
             out.fill(1.0);
             return;
         }
-        for_each_pixel(self.photo, self.size, out, |radius, minimum| {
+        for_each_pixel(self.photo, self.size, exec, out, |radius, minimum| {
             // The larger of both maps has the larger exponent.
             let dark = (minimum - 1.0) * (minimum - 1.0) / (SIGMA_CLIPPED * SIGMA_CLIPPED);
             let exponent = dark.max(radius / (SIGMA_CENTRE * SIGMA_CENTRE));
@@ -58,11 +59,11 @@ impl Energy<5> for Albedo<'_> {
         });
     }
 
-    fn features(&self, kernel: usize, out: &mut [f32]) {
+    fn features(&self, kernel: usize, exec: &dyn Executor, out: &mut [f32]) {
         if kernel == 0 {
-            feature::normalised_colour(self.photo, self.size, feature::SIGMA_COLOUR, out);
+            feature::normalised_colour(self.photo, self.size, feature::SIGMA_COLOUR, exec, out);
         } else {
-            feature::scaled(self.albedo, feature::SIGMA_ALBEDO, out);
+            feature::scaled(self.albedo, self.size, feature::SIGMA_ALBEDO, exec, out);
         }
     }
 
@@ -72,18 +73,30 @@ impl Energy<5> for Albedo<'_> {
 }
 
 /// Calls `weight(|p|², min(R, G, B) clamped to [0,1])` for every pixel.
-pub(super) fn for_each_pixel(photo: &[f32], size: usize, out: &mut [f32], weight: impl Fn(f32, f32) -> f32) {
+pub(super) fn for_each_pixel(
+    photo: &[f32],
+    size: usize,
+    exec: &dyn Executor,
+    out: &mut [f32],
+    weight: impl Fn(f32, f32) -> f32 + Sync,
+) {
     let n2 = size * size;
     let channel = |c: usize, i: usize| photo.get(c * n2 + i).copied().unwrap_or(0.0);
-    for (i, out) in out.iter_mut().enumerate() {
-        let minimum = channel(0, i).min(channel(1, i)).min(channel(2, i)).clamp(0.0, 1.0);
-        *out = weight(radius_squared(i % size, i / size, size), minimum);
-    }
+    for_each_row_block(exec, size, ROWS_PER_BLOCK, Plane::new(out, size), &|rows, mut out| {
+        for (y, out) in rows.zip(out.rows()) {
+            for (x, out) in out.iter_mut().enumerate() {
+                let i = y * size + x;
+                let minimum = channel(0, i).min(channel(1, i)).min(channel(2, i)).clamp(0.0, 1.0);
+                *out = weight(radius_squared(x, y, size), minimum);
+            }
+        }
+    });
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::exec::Inline;
 
     #[test]
     fn only_burnt_out_pixels_near_the_centre_lose_their_say() {
@@ -91,17 +104,17 @@ mod tests {
         let mut photo = [1.0_f32; 27];
         photo[3] = 0.9; // red of the left edge
         let mut map = [0.0; 9];
-        Albedo { size: 3, photo: &photo, albedo: &photo }.unary_map(0, &mut map);
+        Albedo { size: 3, photo: &photo, albedo: &photo }.unary_map(0, &Inline, &mut map);
         assert_eq!(map[4], 0.0);
         assert!((map[0] - (1.0 - (-32.0_f32 / 9.0).exp())).abs() < 1e-6);
         assert!((map[1] - (1.0 - (-16.0_f32 / 9.0).exp())).abs() < 1e-6);
         // min = 0.9: (0.1 / 0.08)² = 1.5625 against 16/9 = 1.78: the position says more.
         assert!((map[3] - (1.0 - (-16.0_f32 / 9.0).exp())).abs() < 1e-6);
         photo[4 + 9] = 0.92; // green of the middle: exponent 1
-        Albedo { size: 3, photo: &photo, albedo: &photo }.unary_map(0, &mut map);
+        Albedo { size: 3, photo: &photo, albedo: &photo }.unary_map(0, &Inline, &mut map);
         assert!((map[4] - (1.0 - (-1.0_f32).exp())).abs() < 1e-5);
         photo[4] = 0.1;
-        Albedo { size: 3, photo: &photo, albedo: &photo }.unary_map(0, &mut map);
+        Albedo { size: 3, photo: &photo, albedo: &photo }.unary_map(0, &Inline, &mut map);
         assert_eq!(map[4], 1.0);
     }
 }

@@ -3,7 +3,7 @@
 use super::coefficients::normalised;
 use super::refine::{Energy, UNARY_FLOOR};
 use super::solver::Operator;
-use crate::exec::Executor;
+use crate::exec::{Executor, Inline};
 use alloc::vec;
 use alloc::vec::Vec;
 
@@ -28,7 +28,7 @@ impl Dense {
         let mut rhs: Vec<f32> = energy.unary(0).iter().map(|u| UNARY_FLOOR * u).collect();
         let mut map = vec![0.0; n];
         for (term, theta) in theta.iter().enumerate().take(E::UNARIES) {
-            energy.unary_map(term, &mut map);
+            energy.unary_map(term, &Inline, &mut map);
             for (i, m) in map.iter().enumerate() {
                 matrix[i * n + i] += f64::from(theta * m);
             }
@@ -46,7 +46,7 @@ impl Dense {
             };
             let mut features = vec![0.0; planes * n];
             if planes > 0 {
-                energy.features(k - 1, &mut features);
+                energy.features(k - 1, &Inline, &mut features);
             }
             add_laplacian(&mut matrix, size, f64::from(sigma), &features, 2.0 * f64::from(*b));
         }

@@ -5,6 +5,7 @@
 use super::feature;
 use super::refine::Energy;
 use crate::Error;
+use crate::exec::Executor;
 use crate::maps::check_planes;
 use crate::math::sqrtf;
 
@@ -38,13 +39,13 @@ impl Energy<3> for Normal<'_> {
         self.normal
     }
 
-    fn unary_map(&self, _term: usize, out: &mut [f32]) {
+    fn unary_map(&self, _term: usize, _exec: &dyn Executor, out: &mut [f32]) {
         out.fill(1.0);
     }
 
-    fn features(&self, kernel: usize, out: &mut [f32]) {
+    fn features(&self, kernel: usize, exec: &dyn Executor, out: &mut [f32]) {
         if kernel == 0 {
-            feature::gradient(self.albedo, self.size, feature::SIGMA_GRADIENT, out);
+            feature::gradient(self.albedo, self.size, feature::SIGMA_GRADIENT, exec, out);
         }
     }
 

@@ -37,9 +37,9 @@ pub trait Energy<const N: usize> {
     /// What unary `term` pulls the map to.
     fn unary(&self, term: usize) -> &[f32];
     /// The weight map of unary `term`, one plane, values in [0,1].
-    fn unary_map(&self, term: usize, out: &mut [f32]);
+    fn unary_map(&self, term: usize, exec: &dyn Executor, out: &mut [f32]);
     /// The features of bilateral kernel `kernel`, each divided by twice its sigma.
-    fn features(&self, kernel: usize, out: &mut [f32]);
+    fn features(&self, kernel: usize, exec: &dyn Executor, out: &mut [f32]);
     /// Puts the solution where maps live.
     fn project(&self, map: &mut [f32]);
 }
@@ -82,7 +82,7 @@ pub fn refine<E: Energy<N>, const N: usize>(
     let theta = normalised(coefficients);
     let vectors = arena.take(vectors_len::<E, N>(energy.size() * energy.size()))?;
     let unary = arena.take(energy.size() * energy.size())?;
-    unaries(energy, &theta, unary, vectors, out);
+    unaries(energy, &theta, unary, vectors, out, exec);
     let rhs = arena.take(out.len())?;
     multiply(unary, out, rhs);
     let mut system = assemble(energy, unary, pairwise::<E, N>(&theta), vectors, exec, &mut arena)?;
@@ -121,7 +121,7 @@ pub fn derivative<E: Energy<N>, const N: usize>(
     let vectors = arena.take(vectors_len::<E, N>(n2))?;
     let unary = arena.take(n2)?;
     let adjoint = arena.take(solution.len())?;
-    unaries(energy, &theta, unary, vectors, adjoint);
+    unaries(energy, &theta, unary, vectors, adjoint, exec);
     let mut scope = arena.scope();
     let mut system = assemble(energy, unary, pairwise::<E, N>(&theta), vectors, exec, &mut scope)?;
     adjoint.fill(0.0);
@@ -131,7 +131,7 @@ pub fn derivative<E: Energy<N>, const N: usize>(
     let mut gradient = [0.0_f32; N];
     for (term, gradient) in gradient.iter_mut().enumerate().take(E::UNARIES) {
         let Some(map) = vectors.get_mut(..n2) else { continue };
-        energy.unary_map(term, map);
+        energy.unary_map(term, exec, map);
         let mut sum = 0.0_f64;
         let values = energy.unary(term).iter().zip(solution);
         for ((weight, adjoint), (u, x)) in map.iter().cycle().zip(&*adjoint).zip(values) {
@@ -170,12 +170,13 @@ fn unaries<E: Energy<N>, const N: usize>(
     weights: &mut [f32],
     scratch: &mut [f32],
     start: &mut [f32],
+    exec: &dyn Executor,
 ) {
     weights.fill(UNARY_FLOOR);
     start.copy_from_slice(energy.unary(0));
     let Some(map) = scratch.get_mut(..weights.len()) else { return };
     for (term, &theta) in theta.iter().enumerate().take(E::UNARIES) {
-        energy.unary_map(term, map);
+        energy.unary_map(term, exec, map);
         for (weight, m) in weights.iter_mut().zip(&*map) {
             *weight += theta * m;
         }
@@ -217,10 +218,10 @@ fn assemble<'a, E: Energy<N>, const N: usize>(
     };
     let [spatial, b2, b3] = pairwise;
     if b2 > 0.0 {
-        energy.features(0, first);
+        energy.features(0, exec, first);
     }
     if b3 > 0.0 {
-        energy.features(1, second);
+        energy.features(1, exec, second);
     }
     let kernels = Kernels {
         spatial: (E::SIGMA_SPATIAL, spatial),

@@ -7,6 +7,7 @@ use super::albedo::for_each_pixel;
 use super::feature;
 use super::refine::Energy;
 use crate::Error;
+use crate::exec::Executor;
 use crate::maps::check_planes;
 use crate::math::expf;
 
@@ -54,12 +55,12 @@ impl Energy<4> for Roughness<'_> {
         if term == 0 { self.network } else { self.search }
     }
 
-    fn unary_map(&self, term: usize, out: &mut [f32]) {
+    fn unary_map(&self, term: usize, exec: &dyn Executor, out: &mut [f32]) {
         if term == 0 {
             out.fill(1.0);
             return;
         }
-        for_each_pixel(self.photo, self.size, out, |radius, minimum| {
+        for_each_pixel(self.photo, self.size, exec, out, |radius, minimum| {
             let dark = (minimum - 1.0) * (minimum - 1.0) / (SIGMA_BRIGHT * SIGMA_BRIGHT);
             expf(-(radius / (SIGMA_CENTRE * SIGMA_CENTRE)).min(dark))
         });
@@ -68,9 +69,9 @@ impl Energy<4> for Roughness<'_> {
         }
     }
 
-    fn features(&self, kernel: usize, out: &mut [f32]) {
+    fn features(&self, kernel: usize, exec: &dyn Executor, out: &mut [f32]) {
         if kernel == 0 {
-            feature::scaled(self.albedo, feature::SIGMA_ALBEDO_ROUGHNESS, out);
+            feature::scaled(self.albedo, self.size, feature::SIGMA_ALBEDO_ROUGHNESS, exec, out);
         }
     }
 
@@ -82,6 +83,7 @@ impl Energy<4> for Roughness<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::exec::Inline;
 
     #[test]
     fn the_search_is_heard_near_the_centre_and_where_the_photo_is_bright() {
@@ -100,14 +102,14 @@ mod tests {
             observability: None,
         };
         let mut map = [0.0; 9];
-        energy.unary_map(1, &mut map);
+        energy.unary_map(1, &Inline, &mut map);
         assert_eq!(map[4], 1.0);
         assert!((map[0] - (-1.0_f32).exp()).abs() < 1e-6);
         assert_eq!(map[2], 1.0);
         assert!((map[1] - (-16.0_f32 / 9.0).exp()).abs() < 1e-6);
         let seen = [0.5, 1.0, 0.0, 1.0, 0.25, 1.0, 1.0, 1.0, 9.0];
         energy.observability = Some(&seen);
-        energy.unary_map(1, &mut map);
+        energy.unary_map(1, &Inline, &mut map);
         assert_eq!((map[2], map[4]), (0.0, 0.25));
     }
 }

@@ -2,6 +2,7 @@
 use super::pairs::MAX_KERNELS;
 use super::refine::Energy;
 use crate::Error;
+use crate::exec::Executor;
 
 /// An energy whose minimum is left as it is.
 #[derive(Clone, Copy, Debug)]
@@ -26,12 +27,12 @@ impl<E: Energy<N>, const N: usize> Energy<N> for Unprojected<'_, E> {
         self.0.unary(term)
     }
 
-    fn unary_map(&self, term: usize, out: &mut [f32]) {
-        self.0.unary_map(term, out);
+    fn unary_map(&self, term: usize, exec: &dyn Executor, out: &mut [f32]) {
+        self.0.unary_map(term, exec, out);
     }
 
-    fn features(&self, kernel: usize, out: &mut [f32]) {
-        self.0.features(kernel, out);
+    fn features(&self, kernel: usize, exec: &dyn Executor, out: &mut [f32]) {
+        self.0.features(kernel, exec, out);
     }
 
     fn project(&self, _map: &mut [f32]) {}

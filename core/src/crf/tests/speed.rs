@@ -61,11 +61,11 @@ fn parts() {
     let mut bytes = workspace::<Albedo<'_>, 5>(size);
     let mut features = vec![0.0; 6 * n2];
     best("features", || {
-        scene.albedo().features(0, &mut features[..3 * n2]);
-        scene.albedo().features(1, &mut features[3 * n2..]);
+        scene.albedo().features(0, &Inline, &mut features[..3 * n2]);
+        scene.albedo().features(1, &Inline, &mut features[3 * n2..]);
     });
     let mut map = vec![0.0; n2];
-    best("weight map", || scene.albedo().unary_map(0, &mut map));
+    best("weight map", || scene.albedo().unary_map(0, &Inline, &mut map));
     let kernels = [
         Kernel { features: &features[..3 * n2], weight: 0.1 },
         Kernel { features: &features[3 * n2..], weight: 0.2 },
