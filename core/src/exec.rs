@@ -5,6 +5,7 @@
 //! sizes alone, never on the number of threads, and every row is written by one closure call: the result has the same
 //! bits on every executor. Reductions ([`sum_row_blocks`]) add up the blocks' values as a tree that depends on the
 //! sizes alone.
+use crate::Error;
 use crate::kernels::Simd;
 use core::ops::Range;
 
@@ -15,6 +16,11 @@ pub const ROWS_PER_BLOCK: usize = 8;
 pub trait Executor: Sync {
     /// Calls each of `a` and `b` once and returns when both are done.
     fn join(&self, a: &mut (dyn FnMut() + Send), b: &mut (dyn FnMut() + Send));
+
+    /// Calls `work` once, where this executor's joins are cheapest, and returns when it is done.
+    fn within(&self, work: &mut (dyn FnMut() + Send)) {
+        work();
+    }
 
     /// The vector registers of float loops: what every CPU of the target has, unless an [`At`] says otherwise.
     fn simd(&self) -> Simd {
@@ -40,6 +46,10 @@ impl<'e> At<'e> {
 impl Executor for At<'_> {
     fn join(&self, a: &mut (dyn FnMut() + Send), b: &mut (dyn FnMut() + Send)) {
         self.exec.join(a, b);
+    }
+
+    fn within(&self, work: &mut (dyn FnMut() + Send)) {
+        self.exec.within(work);
     }
 
     fn simd(&self) -> Simd {
@@ -70,13 +80,9 @@ impl Pool {
     /// A pool of `threads` threads (0: one per CPU).
     ///
     /// # Errors
-    /// [`Error::Threads`](crate::Error::Threads) when the system gives no threads.
-    pub fn new(threads: usize) -> Result<Self, crate::Error> {
-        rayon::ThreadPoolBuilder::new()
-            .num_threads(threads)
-            .build()
-            .map(Self)
-            .map_err(|_| crate::Error::Threads)
+    /// [`Error::Threads`] when the system gives no threads.
+    pub fn new(threads: usize) -> Result<Self, Error> {
+        rayon::ThreadPoolBuilder::new().num_threads(threads).build().map(Self).map_err(|_| Error::Threads)
     }
 
     /// Threads in the pool.
@@ -91,6 +97,29 @@ impl Executor for Pool {
     fn join(&self, a: &mut (dyn FnMut() + Send), b: &mut (dyn FnMut() + Send)) {
         self.0.install(|| rayon::join(a, b));
     }
+
+    /// On a thread of the pool: from there a join is a push on its queue, from outside it wakes a thread and waits for it,
+    /// which takes longer than the work of a small layer or of a step of the solver.
+    fn within(&self, work: &mut (dyn FnMut() + Send)) {
+        self.0.install(work);
+    }
+}
+
+/// Runs `work`, which makes many joins, by [`Executor::within`].
+///
+/// # Errors
+/// Those of `work`; [`Error::Threads`] from an executor that does not call it.
+pub fn within<T: Send>(
+    exec: &dyn Executor,
+    work: impl FnOnce() -> Result<T, Error> + Send,
+) -> Result<T, Error> {
+    let (mut work, mut result) = (Some(work), Err(Error::Threads));
+    exec.within(&mut || {
+        if let Some(work) = work.take() {
+            result = work();
+        }
+    });
+    result
 }
 
 /// Outputs that can be cut between two rows: a [`Plane`], or a tuple or array of such.
@@ -307,6 +336,10 @@ mod tests {
                 sum_row_blocks(exec, 0..101, 3, &|range| [range.map(|row| 1.0 / (1.0 + row as f64)).sum()])
             };
             assert_eq!(sum(&pool).map(f64::to_bits), sum(&Inline).map(f64::to_bits));
+            let there =
+                within(&pool, || Ok((rayon::current_thread_index().is_some(), fill(&pool, 33, 7, 4))));
+            assert_eq!(there, Ok((true, fill(&Inline, 33, 7, 4))));
+            assert_eq!(within::<()>(&pool, || Err(Error::PhotoBlack)), Err(Error::PhotoBlack));
         }
     }
 }

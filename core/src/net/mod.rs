@@ -26,7 +26,7 @@ mod tests;
 pub mod tract;
 
 use crate::arena::Arena;
-use crate::exec::Executor;
+use crate::exec::{Executor, within};
 use crate::frame::LinearImage;
 use crate::kernels::Kernels;
 use crate::maps::{MapsMut, check_planes};
@@ -34,11 +34,11 @@ use crate::{Error, Observer, Stage};
 pub use activation::NORMAL_Z_EPSILON;
 use band::Input;
 pub use classes::{CLASSES, Class, ClassProbabilities, Map};
+use core::ops::Range;
 pub use error::ModelError;
 use format::{CRF_COEFFICIENTS, Defaults, Sections};
 use graph::{Graph, INPUT, Layer, Op, Source, Sources, Tensor};
 use plan::{Place, Plan};
-use quant::Range;
 
 /// A model file that keeps the format's rules; borrows its bytes.
 #[derive(Clone, Debug)]
@@ -113,8 +113,8 @@ pub struct Classification {
     pub used: ClassProbabilities,
 }
 
-/// Sees every tensor as soon as it is written: for tests and reports.
-pub trait Tap {
+/// Sees every tensor as soon as it is written, on whichever thread: for tests and reports.
+pub trait Tap: Send {
     /// An int8 image, interleaved.
     fn image(&mut self, number: usize, tensor: &Tensor, codes: &[i8]);
     /// A float vector.
@@ -203,20 +203,41 @@ impl<'m> Network<'m> {
         let images = scope.take::<i8>(self.plan.image_bytes)?;
         let vectors = scope.take::<f32>(self.plan.floats)?;
         let mut state = State { network: self, images, vectors, exec, tap };
-        state.fill_input(photo);
         let mut classification =
             Classification { predicted: ClassProbabilities::UNIFORM, used: ClassProbabilities::UNIFORM };
         let layers = self.model.graph.layers();
-        for (index, layer) in layers.iter().enumerate() {
-            if observer.progress(Stage::Net, index as f32 / layers.len() as f32).is_break() {
+        let mut next = 0;
+        while next < layers.len() {
+            if observer.progress(Stage::Net, next as f32 / layers.len() as f32).is_break() {
                 return Err(Error::Cancelled);
             }
-            state.step(layer, &classification.used, scope.scope(), maps)?;
-            if layer.op.output() == Some(self.model.graph.logits) {
-                classification = state.classify(mixing);
-            }
+            let batch = self.batch(next);
+            within(exec, || {
+                if batch.start == 0 {
+                    state.fill_input(photo);
+                }
+                for layer in layers.get(batch.clone()).unwrap_or(&[]) {
+                    state.step(layer, &classification.used, scope.scope(), maps)?;
+                    if layer.op.output() == Some(self.model.graph.logits) {
+                        classification = state.classify(mixing);
+                    }
+                }
+                Ok(())
+            })?;
+            next = batch.end;
         }
         Ok(classification)
+    }
+
+    /// The layers from `first` on that run between two progress calls: the fewest with [`BATCH`] products.
+    fn batch(&self, first: usize) -> Range<usize> {
+        let (graph, mut macs) = (&self.model.graph, 0);
+        let mut layers = graph.layers().iter().enumerate().skip(first);
+        let last = layers.find(|(_, layer)| {
+            macs += graph.layer_macs(layer, self.plan.size);
+            macs >= BATCH
+        });
+        first..last.map_or(graph.layers().len(), |(index, _)| index + 1)
     }
 
     fn check(&self, photo: &LinearImage<'_>, maps: &MapsMut<'_>) -> Result<(), Error> {
@@ -232,6 +253,10 @@ impl<'m> Network<'m> {
         check_planes(size, 1, maps.roughness.len())
     }
 }
+
+/// Multiply-accumulates between two progress calls, at least: a fraction of a millisecond on a fast core, some tens on
+/// plain loops. More often, and threads would be handed over more often than is worth it.
+const BATCH: u64 = 1 << 27;
 
 /// The tensors of a run.
 struct State<'r, 'm> {
@@ -299,7 +324,7 @@ impl<'m> State<'_, 'm> {
             Op::Conv(conv) => {
                 let (before, codes, after) = carve(self.images, hole);
                 let inputs = inputs(network, &conv.sources, before, after, hole).map(|(input, _)| input);
-                let quant = (tensor.scale, Range::new(tensor.zero_point, conv.relu));
+                let quant = (tensor.scale, quant::Range::new(tensor.zero_point, conv.relu));
                 op_conv::run(conv, inputs, quant, how, scratch, tensor.side(network.plan.size), codes)?;
                 self.tap.image(output, tensor, codes);
             }

@@ -8,7 +8,7 @@ mod stages;
 use crate::arena::{Arena, bytes_for};
 use crate::brdf::{self, Light, Scene};
 use crate::crf::{self, Albedo, Normal, Roughness};
-use crate::exec::{At, Executor};
+use crate::exec::{At, Executor, within};
 use crate::frame::{self, FieldOfView, Frame, LinearImage};
 use crate::kernels::{Kernels, Simd};
 use crate::maps::{Maps, MapsMut};
@@ -207,26 +207,33 @@ pub fn run<'a>(
     let size = engine.size();
     let mut arena = Arena::new(workspace);
     let photo = staged(observer, Stage::Frame, |_| {
-        let photo = frame::prepare(frame, size, &options.fov, exec, &mut arena)?;
-        search::check_exposure(&photo, exec)?;
-        Ok(LinearImage { light_scale: options.light_scale, ..photo })
+        within(exec, || {
+            let photo = frame::prepare(frame, size, &options.fov, exec, &mut arena)?;
+            search::check_exposure(&photo, exec)?;
+            Ok(LinearImage { light_scale: options.light_scale, ..photo })
+        })
     })?;
     let run = stages::Run { photo, options, exec };
     let first = staged(observer, Stage::Net, |observer| First::infer(&run, engine, &mut arena, observer))?;
-    let albedo = staged(observer, Stage::CrfAlbedo, |_| first.albedo(&run, engine.model(), &mut arena))?;
-    let normal = staged(observer, Stage::CrfNormal, |_| albedo.normal(&run, &mut arena))?;
-    let searched = staged(observer, Stage::Search, |_| normal.search(&run, &mut arena))?;
-    let refined = staged(observer, Stage::CrfRoughness, |_| searched.roughness(&run, &mut arena))?;
+    let model = engine.model();
+    let albedo =
+        staged(observer, Stage::CrfAlbedo, |_| within(exec, || first.albedo(&run, model, &mut arena)))?;
+    let normal = staged(observer, Stage::CrfNormal, |_| within(exec, || albedo.normal(&run, &mut arena)))?;
+    let searched = staged(observer, Stage::Search, |_| within(exec, || normal.search(&run, &mut arena)))?;
+    let refined =
+        staged(observer, Stage::CrfRoughness, |_| within(exec, || searched.roughness(&run, &mut arena)))?;
     let (classification, f0) = (refined.classification, refined.f0);
     let observability = refined.observability;
     let render = arena.take::<f32>(3 * size * size)?;
     let maps = refined.maps;
     let maps = Maps { size, albedo: maps.albedo, normal: maps.normal, roughness: maps.roughness };
-    let light_scale = relight(&maps, f0, &photo, exec, render)?;
+    let (light_scale, residual) = within(exec, || {
+        Ok((relight(&maps, f0, &photo, exec, render)?, search::residual(&photo, render, exec)?))
+    })?;
     Ok(Capture {
         maps,
         photo,
-        residual: search::residual(&photo, render, exec)?,
+        residual,
         render,
         observability,
         class: options.class.unwrap_or_else(|| classification.predicted.best()),
