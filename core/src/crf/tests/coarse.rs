@@ -63,7 +63,7 @@ fn steps<E: Energy<N>, const N: usize>(energy: &E, theta: [f32; 3], coarse: bool
     let (size, n2) = (energy.size(), energy.size() * energy.size());
     let unary = vec![0.08; n2];
     let mut features = vec![0.0; E::FEATURES[0] * n2];
-    energy.features(0, &mut features);
+    energy.features(0, &Inline, &mut features);
     let unused = Kernel { features: &[], weight: 0.0 };
     let bilateral = [Kernel { features: &features, weight: theta[1] }, unused];
     let kernels = Kernels { spatial: (E::SIGMA_SPATIAL, theta[0]), sigma: SIGMA, bilateral };
