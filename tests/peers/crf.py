@@ -1,7 +1,8 @@
 """One bilateral kernel, position and colour, over a three-channel map: our sampled graph, a dense-CRF library's
 permutohedral lattice and the plain sum over all pairs, in turn, one thread each: medians, ratios, and errors.
 
-    pip install "cython<3.1" "setuptools<80" wheel && pip install --no-build-isolation -r tests/peers/requirements-crf.txt
+    pip install "cython<3.1" "setuptools<80" wheel "numpy>=2,<3"
+    pip install --no-build-isolation -r tests/peers/requirements-crf.txt
     cargo build --release -p flashmat-tests --example crf_peer
     python tests/peers/crf.py [--size 256] [--rounds 20]
 
@@ -63,10 +64,10 @@ class Ours:
         return np.fromfile(self.out, "<f4").reshape(3, self.size, self.size)
 
 
-def clock(work: Callable[[], object]) -> tuple[float, object]:
+def clock(work: Callable[[], object]) -> float:
     start = time.thread_time()
-    result = work()
-    return (time.thread_time() - start) * 1e3, result
+    work()
+    return (time.thread_time() - start) * 1e3
 
 
 class Lattice:
@@ -90,12 +91,15 @@ class Lattice:
         q = (x / x.sum(0)).clip(1e-6).reshape(3, -1)
         plain, full = self.crf(q, None), self.crf(q, None)
         ones = np.ones(3, np.float32)
-        build, _ = clock(
+        build = clock(
             lambda: full.addPairwiseEnergy(self.features, ones, dense.CONST_KERNEL, dense.NORMALIZE_SYMMETRIC)
         )
-        without, _ = clock(lambda state=plain.startInference(): plain.stepInference(*state))
-        with_kernel, _ = clock(lambda state=full.startInference(): full.stepInference(*state))
-        return build, with_kernel - without
+        return build, self.step(full) - self.step(plain)
+
+    @staticmethod
+    def step(crf: dense.DenseCRF) -> float:
+        state = crf.startInference()
+        return clock(lambda: crf.stepInference(*state))
 
     def filtered(self, channels: np.ndarray) -> np.ndarray:
         """Kn times channels in (0,1) whose sum is below 1, through a mean-field step: a fourth label without a weight
@@ -118,6 +122,39 @@ def error(found: np.ndarray, exact: np.ndarray) -> float:
     return float(np.linalg.norm(found - exact) / np.linalg.norm(exact))
 
 
+def measure(kind: str, size: int, rounds: int, naive_too: bool, peer: Path, folder: Path) -> None:
+    """One table: every engine on the same inputs, in turn."""
+    colours, x = scene(size, kind)
+    features = colours / SIGMA_COLOUR
+    ours, lattice = Ours(peer, folder, features, x), Lattice(features)
+    times: dict[str, list[float]] = {name: [] for name in ("build", "apply", "lattice build", "lattice apply", "naive")}
+    for _ in range(rounds):
+        times["build"].append(ours.ask("build"))
+        times["apply"].append(ours.ask("apply"))
+        build, apply = lattice.times(x)
+        times["lattice build"].append(build)
+        times["lattice apply"].append(apply)
+        if naive_too:
+            times["naive"].append(ours.ask("naive"))
+    ours.ask("apply")
+    graph = ours.result()
+    once = ours.ask("naive")
+    exact = ours.result()
+    times["naive"].append(once)
+    ms = {name: statistics.median(values) for name, values in times.items()}
+    print(f"\n{kind}, {size} x {size}, medians of {rounds} turns, ours on {ours.level}")
+    print(f"{'':12}{'build ms':>10}{'apply ms':>10}{'error':>10}")
+    print(f"{'ours':12}{ms['build']:10.2f}{ms['apply']:10.2f}{error(graph, exact):10.1e}")
+    found = error(lattice.laplacian(x), exact)
+    print(f"{'pydensecrf2':12}{ms['lattice build']:10.2f}{ms['lattice apply']:10.2f}{found:10.1e}")
+    print(f"{'all pairs':12}{'':10}{ms['naive']:10.0f}{'exact':>10}{'' if naive_too else '  (timed once)'}")
+    print(
+        f"ours is {ms['lattice build'] / ms['build']:.1f} times as fast to build and"
+        f" {ms['lattice apply'] / ms['apply']:.1f} times to apply as pydensecrf2,"
+        f" {ms['naive'] / (ms['build'] + ms['apply']):.0f} times (both) as all pairs"
+    )
+
+
 def main() -> None:
     p = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     p.add_argument("--size", type=int, default=256)
@@ -126,40 +163,10 @@ def main() -> None:
     target = Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target"))
     p.add_argument("--peer", type=Path, default=target / "release/examples/crf_peer")
     args = p.parse_args()
-    with tempfile.TemporaryDirectory() as name:
+    with tempfile.TemporaryDirectory() as folder:
         for kind in ("tiles", "noise"):
             for size in (args.naive, args.size):
-                colours, x = scene(size, kind)
-                features = colours / SIGMA_COLOUR
-                ours, lattice = Ours(args.peer, Path(name), features, x), Lattice(features)
-                rows: dict[str, list[float]] = {"ours": [], "lattice": [], "naive": []}
-                builds: dict[str, list[float]] = {"ours": [], "lattice": []}
-                for _ in range(args.rounds):
-                    builds["ours"].append(ours.ask("build"))
-                    rows["ours"].append(ours.ask("apply"))
-                    build, apply = lattice.times(x)
-                    builds["lattice"].append(build)
-                    rows["lattice"].append(apply)
-                    if size == args.naive:
-                        rows["naive"].append(ours.ask("naive"))
-                ours.ask("apply")
-                graph = ours.result()
-                once = ours.ask("naive")
-                exact = ours.result()
-                rows["naive"] = rows["naive"] or [once]
-                ms = {key: statistics.median(values) for key, values in rows.items()}
-                built = {key: statistics.median(values) for key, values in builds.items()}
-                print(f"\n{kind}, {size} x {size}, medians of {args.rounds} turns, ours on {ours.level}")
-                print(f"{'':12}{'build ms':>10}{'apply ms':>10}{'error':>10}")
-                print(f"{'ours':12}{built['ours']:10.2f}{ms['ours']:10.2f}{error(graph, exact):10.1e}")
-                found = error(lattice.laplacian(x), exact)
-                print(f"{'pydensecrf2':12}{built['lattice']:10.2f}{ms['lattice']:10.2f}{found:10.1e}")
-                print(f"{'all pairs':12}{'':10}{ms['naive']:10.0f}{'exact':>10}{'' if size == args.naive else ' (once)'}")
-                print(
-                    f"ours is {built['lattice'] / built['ours']:.1f} times as fast to build and"
-                    f" {ms['lattice'] / ms['ours']:.1f} times to apply as pydensecrf2,"
-                    f" {ms['naive'] / (built['ours'] + ms['ours']):.0f} times (both) as all pairs"
-                )
+                measure(kind, size, args.rounds, size == args.naive, args.peer, Path(folder))
 
 
 if __name__ == "__main__":

@@ -8,9 +8,23 @@ use super::super::system::{Kernels, System, pixels};
 use super::super::{Albedo, Coefficients, Energy, Options, feature, refine, workspace_bytes};
 use super::{Scene, workspace};
 use crate::arena::Arena;
-use crate::exec::Inline;
+use crate::exec::{At, Inline};
+use crate::kernels::{Level, Simd};
 use std::time::Instant;
 use std::vec;
+
+/// Coefficients that let the neighbourhood decide.
+const STRONG: Coefficients = Coefficients {
+    albedo: [0.2, 0.01, 0.4, 0.4, 0.4],
+    normal: [0.2, 0.5, 0.5],
+    roughness: [0.1, 0.3, 0.5, 0.5],
+};
+
+/// On this CPU's widest registers.
+fn exec() -> At<'static> {
+    let level = [Level::Avx512Vnni, Level::Avx2].into_iter().find(|level| level.is_supported());
+    At::new(&Inline, Simd::for_level(level.unwrap_or(Level::Scalar)).expect("supported"))
+}
 
 fn time<E: Energy<N>, const N: usize>(name: &str, energy: &E, coefficients: &[f32; N]) {
     let mut bytes = workspace::<E, N>(energy.size());
@@ -20,7 +34,7 @@ fn time<E: Energy<N>, const N: usize>(name: &str, energy: &E, coefficients: &[f3
     for _ in 0..5 {
         let start = Instant::now();
         report = Some(
-            refine(energy, coefficients, &Options::default(), &mut out, &Inline, &mut Arena::new(&mut bytes))
+            refine(energy, coefficients, &Options::default(), &mut out, &exec(), &mut Arena::new(&mut bytes))
                 .expect("refined"),
         );
         best = best.min(start.elapsed().as_secs_f64());
@@ -32,13 +46,13 @@ fn time<E: Energy<N>, const N: usize>(name: &str, energy: &E, coefficients: &[f3
 #[test]
 #[ignore = "a measurement"]
 fn times() {
-    let defaults = Coefficients::default();
-    for size in [128, 256, 512, 1024] {
+    for size in [128, 256, 512, 1024, 2048] {
         let scene = Scene::tiles(size, 81);
-        time("albedo", &scene.albedo(), &defaults.albedo);
-        time("albedo, strong", &scene.albedo(), &[0.2, 0.01, 0.4, 0.4, 0.4]);
-        time("normal", &scene.normal(), &defaults.normal);
-        time("roughness", &scene.roughness(), &defaults.roughness);
+        for (name, set) in [("default", Coefficients::default()), ("strong", STRONG)] {
+            time(&std::format!("albedo, {name}"), &scene.albedo(), &set.albedo);
+            time(&std::format!("normal, {name}"), &scene.normal(), &set.normal);
+            time(&std::format!("roughness, {name}"), &scene.roughness(), &set.roughness);
+        }
     }
 }
 
