@@ -4,7 +4,7 @@ permutohedral lattice and the plain sum over all pairs, in turn, one thread each
     pip install "cython<3.1" "setuptools<80" wheel "numpy>=2,<3"
     pip install --no-build-isolation -r tests/peers/requirements-crf.txt
     cargo build --release -p flashmat-tests --example crf_peer
-    python tests/peers/crf.py [--size 256] [--rounds 20]
+    python tests/peers/crf.py [--size 256] [--rounds 20] [--scenes tiles noise]
 
 All three compute L x with (L x)_i = sum_j Kn(i,j) (x_i - x_j) of the same symmetrically normalised Gaussian kernel of
 the same inputs; errors are |L x - exact| / |exact| against the plain sum. The library filters inside a mean-field step,
@@ -160,11 +160,12 @@ def main() -> None:
     p.add_argument("--size", type=int, default=256)
     p.add_argument("--naive", type=int, default=64, help="pixels per side at which the plain sum takes turns")
     p.add_argument("--rounds", type=int, default=20)
+    p.add_argument("--scenes", nargs="*", default=["tiles", "noise"])
     target = Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target"))
     p.add_argument("--peer", type=Path, default=target / "release/examples/crf_peer")
     args = p.parse_args()
     with tempfile.TemporaryDirectory() as folder:
-        for kind in ("tiles", "noise"):
+        for kind in args.scenes:
             for size in (args.naive, args.size):
                 measure(kind, size, args.rounds, size == args.naive, args.peer, Path(folder))
 
