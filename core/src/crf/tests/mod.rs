@@ -3,6 +3,7 @@ mod coarse;
 mod gradient;
 mod oracle;
 mod promises;
+mod sampled;
 mod speed;
 
 use super::scenes::{Random, Scene};
