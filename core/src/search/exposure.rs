@@ -215,8 +215,10 @@ mod tests {
         s.clipped.fill(1);
         assert_eq!(light_scale(&s.photo(), &render, &Inline), Err(Error::NoUsablePixels));
         s.clipped.fill(0);
-        s.photo.fill(1e-4);
+        s.photo.fill(4.5e-4);
         assert_eq!(light_scale(&s.photo(), &render, &Inline), Err(Error::PhotoBlack));
+        s.photo.fill(5.5e-4);
+        assert_eq!(check_exposure(&s.photo(), &Inline), Ok(()));
     }
 
     #[test]

@@ -358,6 +358,20 @@ mod tests {
         assert!(f64::from(missed) < 0.01 * plane as f64, "{missed} of {plane}");
     }
 
+    /// A prediction over white is white to the camera: it says nothing about how far over.
+    #[test]
+    fn a_clipped_photo_of_something_brighter_says_nothing() {
+        let mut s = scenery(16, 0.05, 1.0);
+        s.albedo.fill(0.9);
+        s.photo.fill(1.0);
+        s.clipped.fill(1);
+        let (found, seen) = s.search(0.05, 4.0, &Inline);
+        assert!(
+            found.iter().all(|&r| r == MIN_ROUGHNESS) && seen.iter().all(|&o| o < 1e-3),
+            "{found:?} {seen:?}"
+        );
+    }
+
     #[test]
     fn flat_errors_give_the_smallest_roughness_and_no_observability() {
         let mut s = scenery(8, 0.05, 1.0);
