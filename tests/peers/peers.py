@@ -75,7 +75,8 @@ def network_input(rgb: np.ndarray) -> np.ndarray:
     """What core/src/net/op_input.rs makes of a photo: 8-bit sRGB codes and the coordinates, (1,6,n,n), light unknown."""
     size = rgb.shape[1]
     encoded = np.where(rgb <= 0.0031308, 12.92 * rgb, 1.055 * np.maximum(rgb, 1e-9) ** (1 / 2.4) - 0.055)
-    centre = (np.arange(size) + 0.5) / size
+    reach = np.tan(np.deg2rad(43.35) / 2) / 0.75
+    centre = (((2 * np.arange(size) + 1) / size - 1) * reach + 1) / 2
     across = np.broadcast_to(centre, (size, size))
     planes = np.stack([*encoded, across, np.ascontiguousarray(across[::-1, ::-1].T), np.zeros((size, size))])
     return (np.rint(planes * 255) / 255).astype(np.float32)[None]

@@ -10,13 +10,19 @@ pub struct Widths {
     pub encoder: Vec<usize>,
     /// Decoder levels, deepest first, up to half the input's side.
     pub decoder: Vec<usize>,
+    /// Channels straight from the photo, which the heads read beside the decoders'.
+    pub detail: usize,
 }
 
 impl Widths {
     /// The phone preset.
     #[must_use]
     pub fn phone() -> Self {
-        Self { encoder: vec![32, 48, 64, 128, 192, 256, 256], decoder: vec![128, 128, 96, 64, 40, 32] }
+        Self {
+            encoder: vec![32, 48, 64, 128, 192, 256, 256],
+            decoder: vec![128, 128, 96, 64, 40, 32],
+            detail: 32,
+        }
     }
 }
 
@@ -118,10 +124,11 @@ impl Builder {
         let sums_at = align(&mut self.params);
         self.params.extend(sums.iter().flat_map(|s| s.to_le_bytes()));
         let second = sources.get(1).map_or(NONE, |&s| s as u32);
+        let pad = ((kernel - stride).div_ceil(2)) as u32;
         let kernel = kernel as u32;
         let mut fields = vec![(0, 1), (1, sources[0] as u32), (2, u32::from(up)), (3, second)];
         fields.extend([(5, output as u32), (6, kernel), (7, kernel), (8, stride as u32), (13, 1)]);
-        fields.extend((9..13).map(|pad| (pad, 1)));
+        fields.extend((9..13).map(|side| (side, pad)));
         fields.extend([(17, cout as u32), (18, weights_at), (19, bias_at), (20, scale_at), (21, sums_at)]);
         fields.extend([(22, NONE), (23, NONE)]);
         self.layer(text, &fields);
@@ -137,11 +144,12 @@ impl Builder {
         output
     }
 
-    fn head(&mut self, text: &str, source: usize, map: u32, maps: usize) {
-        let (cin, cout) = (self.channels[source], maps * 4);
+    fn head(&mut self, text: &str, sources: [usize; 2], map: u32, maps: usize) {
+        let (cin, cout) = (sources.iter().map(|&s| self.channels[s]).sum::<usize>(), maps * 4);
         let (weights, bias) = (self.floats(8 * cout * 9 * cin, 0.05), self.floats(8 * cout, 0.3));
+        let [first, second] = sources.map(|s| s as u32);
         let fields =
-            [(0, 4), (1, source as u32), (5, NONE), (6, 3), (7, 3), (8, 1), (14, 2), (15, map), (16, 8)];
+            [(0, 4), (1, first), (3, second), (5, NONE), (6, 3), (7, 3), (8, 1), (14, 2), (15, map), (16, 8)];
         let pads: Vec<_> = (9..13).map(|pad| (pad, 1)).collect();
         let rest = [(17, cout as u32), (18, weights), (19, bias)];
         self.layer(text, &[&fields[..], &pads, &rest].concat());
@@ -149,7 +157,7 @@ impl Builder {
 }
 
 /// A model file with random weights of the product's shape: 4x4 stride-2 encoder, three decoders of 3x3 layers over
-/// the up-sampled previous level and the encoder's, heads at half resolution.
+/// the up-sampled previous level and the encoder's, heads at half resolution that also read the photo's 2x2 blocks.
 #[must_use]
 pub fn random_model(widths: &Widths, seed: u64) -> Vec<u8> {
     let mut b = Builder { state: seed, ..Builder::default() };
@@ -167,12 +175,13 @@ pub fn random_model(widths: &Widths, seed: u64) -> Vec<u8> {
     b.layer("pool", &fields);
     let hidden = b.dense("hidden", pooled, 128, 1);
     let logits = b.dense("logits", hidden, 8, 0);
+    let detail = b.conv("detail", &[input], false, widths.detail, 2, 2);
     for (map, (text, maps)) in [("albedo", 3), ("normal", 3), ("roughness", 1)].into_iter().enumerate() {
         let mut last = deepest;
         for (i, &width) in widths.decoder.iter().enumerate() {
             last = b.conv(&format!("{text}{i}"), &[last, levels[levels.len() - 2 - i]], true, width, 3, 1);
         }
-        b.head(&format!("{text}-head"), last, map as u32 + 1, maps);
+        b.head(&format!("{text}-head"), [last, detail], map as u32 + 1, maps);
     }
     let mut graph = Vec::new();
     let counts = [b.channels.len(), b.layers.len() / 160, 0, logits];
@@ -211,7 +220,7 @@ pub fn container(sections: &[(&[u8; 4], &[u8])]) -> Vec<u8> {
     }
     let payload = [table, body].concat();
     let mut file = b"FLASHMAT".to_vec();
-    file.extend(1_u32.to_le_bytes());
+    file.extend(2_u32.to_le_bytes());
     file.extend((sections.len() as u32).to_le_bytes());
     file.extend((64 + payload.len() as u64).to_le_bytes());
     file.extend(crc32(&payload).to_le_bytes());

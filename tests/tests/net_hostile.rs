@@ -57,7 +57,7 @@ fn each_broken_rule_has_its_error() {
     let scale = u32::from_le_bytes(TOY_MODEL[field(0, 20)..][..4].try_into().expect("4 bytes")) as usize;
     let cases: Vec<(Vec<u8>, ModelError)> = vec![
         (with(0, b"f"), E::NotAModel),
-        (with(8, &2_u32.to_le_bytes()), E::Version { found: 2 }),
+        (with(8, &1_u32.to_le_bytes()), E::Version { found: 1 }),
         (with(12, &huge), E::SectionCount { found: u32::MAX }),
         (with(16, &u64::MAX.to_le_bytes()), E::Length { needed: u64::MAX, given: TOY_MODEL.len() as u64 }),
         (with(40, &[1]), E::Reserved),

@@ -47,6 +47,8 @@ def fold(block: ConvBlock) -> tuple[Tensor, Tensor]:
 def blocks(network: Network) -> dict[str, ConvBlock]:
     """All convolution blocks by the name of the tensor they write."""
     out = {f"enc{i}": b for i, b in enumerate(network.encoder)}
+    if network.detail is not None:
+        out["detail"] = network.detail
     for name, decoder in network.decoders.items():
         out |= {f"{name}.dec{i}": b for i, b in enumerate(decoder.blocks)}
     return out
@@ -96,6 +98,8 @@ def consumers(network: Network) -> dict[str, list[tuple[nn.Module, int]]]:
             out[f"enc{depth - 2 - i}"].append((conv, named[previous].conv.out_channels))
             previous = f"{name}.dec{i}"
         out[previous].append((decoder.head.conv, 0))
+        if network.detail is not None:
+            out["detail"].append((decoder.head.conv, network.config.decoder[-1]))
     return out
 
 
@@ -177,6 +181,10 @@ def build(network: Network, ranges: dict[str, float], meta: dict, card: str, crf
     layers.append(modelfile.MeanPool("pooled", (previous, f"enc{config.texture}"), "pooled"))
     dense("hidden", "pooled", network.classifier[0], True)
     dense("logits", "hidden", network.classifier[2], False)
+    detail: tuple[Source, ...] = ()
+    if network.detail is not None:
+        conv("detail", (Source("input"),), 2, network.detail)
+        detail = (Source("detail"),)
     for name, maps in HEADS.items():
         decoder, previous = network.decoders[name], f"enc{depth - 1}"
         for i, block in enumerate(decoder.blocks):
@@ -187,7 +195,7 @@ def build(network: Network, ranges: dict[str, float], meta: dict, card: str, crf
         w = decoder.head.conv.weight.detach().float()
         w = w.view(k, maps * 4, *w.shape[1:]).permute(0, 1, 3, 4, 2)
         b = decoder.head.conv.bias.detach().float().view(k, maps * 4)
-        layers.append(modelfile.MixHead(f"{name}.head", (Source(previous),), name, 2, w.numpy(), b.numpy()))
+        layers.append(modelfile.MixHead(f"{name}.head", (Source(previous), *detail), name, 2, w.numpy(), b.numpy()))
     graph = modelfile.Graph(tensors, layers, "input", "logits")
     return modelfile.Model(meta, graph, crf.astype(np.float32), card=card)
 

@@ -2,7 +2,7 @@
 
 `python -m flashmat_train export-onnx --checkpoint RUN/last.pt --out phone.onnx [--int8 phone.int8.onnx --data DIR]`
 
-Input `input` (1,6,h,w): sRGB-encoded R, G, B, then (p.x+1)/2 and (p.y+1)/2, then 1 where the
+Input `input` (1,6,h,w): sRGB-encoded R, G, B, then the coordinates (`model.network_input`), then 1 where the
 light's scale is known; h and w multiples of 128. Outputs
 `albedo` (1,3,h,w), `normal` (1,3,h,w) unit, `roughness` (1,1,h,w), `probabilities` (1,8).
 """
@@ -81,6 +81,7 @@ def build(network: Network) -> Any:
     flat = b.add("Concat", means, "pooled", axis=1)
     hidden = b.add("Relu", [b.dense("hidden.sum", flat, network.classifier[0])], "hidden")
     b.add("Softmax", [b.dense("logits", hidden, network.classifier[2])], "probabilities", axis=1)
+    detail = b.conv("detail", "input", network.detail) if network.detail is not None else None
     scales = shape(b, "upsample.scales", np.array([1, 1, 2, 2], np.float32))
     raw = {}
     for name, maps in HEADS.items():
@@ -95,6 +96,8 @@ def build(network: Network) -> Any:
                 coordinate_transformation_mode="asymmetric",
             )
             y = b.conv(f"{name}.dec{i}", b.add("Concat", [up, skip], f"{name}.cat{i}", axis=1), block)
+        if detail is not None:
+            y = b.add("Concat", [y, detail], f"{name}.cat", axis=1)
         weight, bias = decoder.head.conv.weight.detach().numpy(), decoder.head.conv.bias.detach().numpy()
         k, c = decoder.head.classes, maps * 4
         if k == 1:

@@ -48,12 +48,14 @@ def srgb_encode(linear: Array) -> Array:
     return np.where(linear <= 0.0031308, linear * 12.92, 1.055 * np.maximum(linear, 1e-12) ** (1 / 2.4) - 0.055)
 
 
-def network_input(linear_rgb: Array, light_scale: float | None = None) -> Array:
-    """f64 [n][n][6] from planar linear RGB [3][n][n]: encoded R, G, B, then (px+1)/2 and (py+1)/2, y up, then 1 if the
-    light's scale is known, which RGB is then divided by, else 0."""
+def network_input(linear_rgb: Array, light_scale: float | None = None, fov_deg: float = 43.35) -> Array:
+    """f64 [n][n][6] from planar linear RGB [3][n][n]: encoded R, G, B, then (x / 0.75 + 1) / 2 and (y / 0.75 + 1) / 2,
+    in [0,1], of the pixel's point of the plane, y up, then 1 if the light's scale is known, which RGB is then divided
+    by, else 0."""
     size = linear_rgb.shape[1]
     centres = (2.0 * np.arange(size) + 1.0) / size - 1.0
-    px, py = np.meshgrid(centres, -centres)
+    reach = np.tan(np.deg2rad(fov_deg) / 2) / 0.75
+    px, py = np.clip(np.meshgrid(centres * reach, -centres * reach), -1, 1)
     if light_scale is not None:
         linear_rgb = linear_rgb.astype(F32) * (F32(1.0) / F32(light_scale))
     rgb = srgb_encode(np.clip(linear_rgb.astype(np.float64), 0.0, 1.0))

@@ -27,7 +27,7 @@ class LossWeights:
     normal: float = 8.0
     roughness: float = 0.7
     render: float = 2.0
-    cls: float = 0.1
+    cls: float = 0.3
 
 
 def normal_weights(normal: Tensor) -> Tensor:

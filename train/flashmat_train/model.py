@@ -1,8 +1,12 @@
 """The network: one encoder of seven stride-2 convolutions, three decoders with skips, a classifier whose softmax
 mixes the per-class last layers (paper, "Network Design"). Presets are the widths; every layer folds to int8.
 
-Input (B,6,n,n): sRGB-encoded R, G, B in [0,1], then (p.x+1)/2, (p.y+1)/2, and 1 where the flash's strength is known
-(the photo is then in its units: a flat white Lambertian at the centre would be 1) or 0. n is a multiple of 128.
+The heads also read a convolution of the photo itself ("detail"): what is in the albedo is in the photo, pixel by pixel.
+
+Input (B,6,n,n): sRGB-encoded R, G, B in [0,1]; then where the pixel's ray meets the plane at distance 1, x and y, as
+(x / COORDINATE_REACH + 1) / 2, so that the network knows the field of view and with it the flash's falloff; then 1
+where the flash's strength is known (the photo is then in its units: a flat white Lambertian at the centre would be 1)
+or 0. n is a multiple of 128.
 """
 
 from __future__ import annotations
@@ -15,12 +19,14 @@ import torch.nn.functional as F
 from torch import Tensor, nn
 
 from . import CLASSES
-from .render.flash import pixel_positions
+from .render.flash import FOV_DEG, pixel_positions
 
 HEADS = {"albedo": 3, "normal": 3, "roughness": 1}
 INPUT_CHANNELS = 6
 STAGES = 7
 Z_EPS = 1e-2
+#: The plane's x or y whose coordinate is 1: half the tangent-width of a field of view of 73.7 degrees. Beyond: 1.
+COORDINATE_REACH = 0.75
 
 
 @dataclass(frozen=True)
@@ -32,6 +38,7 @@ class NetworkConfig:
     decoder: tuple[int, ...]
     classifier: int = 128
     texture: int = 3  # encoder stage whose mean the classifier reads beside the deepest's: texture without order
+    detail: int = 0  # channels at half resolution, straight from the photo, that the heads read too; 0: none
     encoder_kernel: int = 4
     mixing: bool = True  # K per-class heads mixed by the classifier; off: one head (variant `basic`)
     classify: bool = True
@@ -45,9 +52,9 @@ class NetworkConfig:
 
 
 PRESETS = {
-    "phone": NetworkConfig("phone", (32, 48, 64, 128, 192, 256, 256), (128, 128, 96, 64, 40, 32)),
-    "paper": NetworkConfig("paper", (64, 128, 256, 256, 512, 512, 512), (512, 256, 256, 128, 96, 64)),
-    "tiny": NetworkConfig("tiny", (8, 12, 16, 16, 24, 24, 32), (16, 16, 16, 12, 8, 8), 16),
+    "phone": NetworkConfig("phone", (32, 48, 64, 128, 192, 256, 256), (128, 128, 96, 64, 40, 32), detail=32),
+    "paper": NetworkConfig("paper", (64, 128, 256, 256, 512, 512, 512), (512, 256, 256, 128, 96, 64), detail=32),
+    "tiny": NetworkConfig("tiny", (8, 12, 16, 16, 24, 24, 32), (16, 16, 16, 12, 8, 8), 16, detail=12),
 }
 
 
@@ -97,13 +104,13 @@ class Decoder(nn.Module):
             blocks.append(ConvBlock(cin + skip, width, 3, 1))
             cin = width
         self.blocks = nn.ModuleList(blocks)
-        self.head = MixHead(cin, maps, len(CLASSES) if config.mixing else 1)
+        self.head = MixHead(cin + config.detail, maps, len(CLASSES) if config.mixing else 1)
 
-    def forward(self, features: list[Tensor], probabilities: Tensor) -> Tensor:
+    def forward(self, features: list[Tensor], detail: Tensor | None, probabilities: Tensor) -> Tensor:
         x = features[-1]
         for block, skip in zip(self.blocks, features[-2::-1], strict=True):
             x = block(torch.cat((F.interpolate(x, scale_factor=2, mode="nearest"), skip), dim=1))
-        return self.head(x, probabilities)
+        return self.head(x if detail is None else torch.cat((x, detail), dim=1), probabilities)
 
 
 class Network(nn.Module):
@@ -114,6 +121,7 @@ class Network(nn.Module):
         self.config = config
         widths = (INPUT_CHANNELS, *config.encoder)
         self.encoder = nn.ModuleList(ConvBlock(a, b, config.encoder_kernel, 2) for a, b in itertools.pairwise(widths))
+        self.detail = ConvBlock(INPUT_CHANNELS, config.detail, 2, 2) if config.detail else None
         self.decoders = nn.ModuleDict({name: Decoder(config, n) for name, n in HEADS.items()})
         self.classifier = nn.Sequential(
             nn.Linear(config.encoder[-1] + config.encoder[config.texture], config.classifier),
@@ -140,8 +148,9 @@ class Network(nn.Module):
     def forward(self, x: Tensor) -> dict[str, Tensor]:
         """`albedo` (B,3,n,n), `normal` (B,3,n,n) unit, `roughness` (B,1,n,n), `class_logits` (B,8)."""
         features, logits = self.encode(x)
+        detail = self.detail(x) if self.detail is not None else None
         probabilities = logits.softmax(dim=1)
-        raw = {name: decoder(features, probabilities) for name, decoder in self.decoders.items()}
+        raw = {name: decoder(features, detail, probabilities) for name, decoder in self.decoders.items()}
         return {**activate(raw), "class_logits": logits}
 
 
@@ -156,12 +165,17 @@ def activate(raw: dict[str, Tensor]) -> dict[str, Tensor]:
     }
 
 
-def network_input(photo_srgb: Tensor, known: Tensor) -> Tensor:
-    """Appends to sRGB-encoded photos (B,3,n,n) the coordinates and `known` (B,), 1 or 0: the flash's strength is."""
+def network_input(photo_srgb: Tensor, known: Tensor, fov_deg: Tensor | None = None) -> Tensor:
+    """Appends to sRGB-encoded photos (B,3,n,n) the coordinates and `known` (B,), 1 or 0: the flash's strength is.
+
+    `fov_deg` (B,), degrees from side to side; None: the paper's.
+    """
     b, _, n, _ = photo_srgb.shape
-    p = (pixel_positions(n, photo_srgb.device) + 1.0) / 2.0
+    fov = torch.full((b,), FOV_DEG, device=photo_srgb.device) if fov_deg is None else fov_deg.to(photo_srgb)
+    reach = torch.tan(torch.deg2rad(fov) / 2)[:, None, None, None] / COORDINATE_REACH
+    p = (pixel_positions(n, photo_srgb.device) * reach + 1.0).clamp(0, 2) / 2.0
     flag = known.to(photo_srgb)[:, None, None, None].expand(b, 1, n, n)
-    return torch.cat((photo_srgb, p.expand(b, 2, n, n), flag), dim=1)
+    return torch.cat((photo_srgb, p, flag), dim=1)
 
 
 def gmacs(config: NetworkConfig, size: int = 256) -> float:
@@ -171,11 +185,12 @@ def gmacs(config: NetworkConfig, size: int = 256) -> float:
     for a, b in itertools.pairwise(widths):
         res //= 2
         macs += a * b * config.encoder_kernel**2 * res * res
+    macs += INPUT_CHANNELS * config.detail * 4 * (size // 2) ** 2
     for maps in HEADS.values():
         res, cin = size // 2**STAGES, config.encoder[-1]
         for width, skip in zip(config.decoder, config.encoder[-2::-1], strict=True):
             res *= 2
             macs += (cin + skip) * width * 9 * res * res
             cin = width
-        macs += cin * maps * 4 * 9 * res * res
+        macs += (cin + config.detail) * maps * 4 * 9 * res * res
     return macs / 1e9

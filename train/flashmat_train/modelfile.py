@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 MAGIC = b"FLASHMAT"
-VERSION = 1
+VERSION = 2
 ALIGN = 64
 NONE = 0xFFFF_FFFF
 CLASS_NAMES = ("fabric", "ground", "leather", "metal", "stone-diff", "stone-spec", "polymer", "wood")

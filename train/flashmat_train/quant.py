@@ -64,7 +64,9 @@ class QuantNetwork(nn.Module):
         self.convs = nn.ModuleDict()
         for name, block in named.items():
             head, _, tail = name.rpartition(".")
-            if head:
+            if name == "detail":
+                sources = ["input"]
+            elif head:
                 i = int(tail[3:])
                 sources = [f"{head}.dec{i - 1}" if i else f"enc{depth - 1}", f"enc{depth - 2 - i}"]
             else:
@@ -89,17 +91,20 @@ class QuantNetwork(nn.Module):
     def forward(self, x: Tensor) -> dict[str, Tensor]:
         features, logits = self.encode(x)
         probabilities = logits.softmax(dim=1)
+        detail = {"detail": self.convs["detail"](x)} if "detail" in self.convs else {}
         raw = {}
         for name in HEADS:
             y = features[-1]
             for i, skip in enumerate(features[-2::-1]):
                 y = torch.cat((F.interpolate(y, scale_factor=2, mode="nearest"), skip), dim=1)
                 y = self.convs[f"{name}_dec{i}"](y)
-            raw[name] = self._head(self.heads[name], y, probabilities)
+            read = {f"{name}.dec{len(features) - 2}": y} | detail
+            scale = torch.cat([torch.full((t.shape[1],), self.ranges[k] / CODES) for k, t in read.items()])
+            raw[name] = self._head(self.heads[name], torch.cat(list(read.values()), dim=1), probabilities, scale)
         return {**activate(raw), "class_logits": logits}
 
     @staticmethod
-    def _head(head: nn.Module, x: Tensor, probabilities: Tensor) -> Tensor:
+    def _head(head: nn.Module, x: Tensor, probabilities: Tensor, scale: Tensor) -> Tensor:
         k, c = head.classes, head.maps * 4
         weight, bias = head.conv.weight.reshape(k, c, -1), head.conv.bias.view(k, c)
         out = []
@@ -107,7 +112,7 @@ class QuantNetwork(nn.Module):
             if k == 1:
                 p = torch.ones_like(p[:1])
             w = torch.einsum("k,kcn->cn", p, weight).view(c, x.shape[1], 3, 3)
-            w = quantise_weight(w, torch.ones(x.shape[1], device=x.device))
+            w = quantise_weight(w, scale.to(x.device))
             out.append(F.conv2d(xi[None], w, p @ bias, padding=1))
         return F.pixel_shuffle(torch.cat(out), 2)
 

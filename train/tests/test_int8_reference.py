@@ -48,9 +48,12 @@ def test_requantise_rounds_half_to_even_and_clamps() -> None:
 
 
 def test_input_corners() -> None:
-    image = network_input(np.zeros((3, 128, 128), np.float32))
-    assert image[0, 0, 3] == pytest.approx(1 / 256)  # left: px near -1
-    assert image[0, 0, 4] == pytest.approx(1 - 1 / 256)  # top: py near +1
+    image = network_input(np.zeros((3, 128, 128), np.float32), fov_deg=90.0)
+    assert (image[0, 0, 3], image[0, 0, 4]) == (0.0, 1.0)  # wider than the coordinates reach
+    image = network_input(np.zeros((3, 128, 128), np.float32), fov_deg=2 * np.rad2deg(np.arctan(0.6)))
+    side = 0.6 / 0.75 * 127 / 128
+    assert image[0, 0, 3] == pytest.approx((1 - side) / 2)  # left
+    assert image[0, 0, 4] == pytest.approx((1 + side) / 2)  # top: y up
     assert quantise_input(image).min() == -128
 
 

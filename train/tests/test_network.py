@@ -10,7 +10,7 @@ import torch
 import torch.nn.functional as F
 from small_data import random_maps
 
-from flashmat_train import checkpoint, export_onnx
+from flashmat_train import checkpoint, export_onnx, int8_reference
 from flashmat_train.export import CRF_DEFAULT, build, calibrate
 from flashmat_train.int8_reference import quantise_input, run_float, run_int8
 from flashmat_train.losses import NORMAL_BINS, normal_weights
@@ -40,6 +40,31 @@ def trained() -> Network:
         for _ in range(6):
             net(batch)
     return net.eval()
+
+
+def test_input_is_the_reference() -> None:
+    linear = np.random.default_rng(8).uniform(0, 1, (3, 128, 128)).astype(np.float32)
+    for fov, scale in ((30.0, None), (43.35, 1.0), (85.0, 1.0)):
+        want = int8_reference.network_input(linear, scale, fov).transpose(2, 0, 1)
+        srgb = torch.tensor(int8_reference.srgb_encode(linear))[None]
+        got = network_input(srgb, torch.tensor([float(scale is not None)]), torch.tensor([fov]))[0]
+        np.testing.assert_allclose(got, want, atol=1e-6)
+
+
+def test_heads_read_the_photo_pixel_by_pixel() -> None:
+    """One pixel's colour reaches its own albedo past an encoder and decoders whose features do not see it."""
+    torch.manual_seed(2)
+    net = Network(PRESETS["tiny"]).eval()
+    for block in (*net.encoder, *(b for d in net.decoders.values() for b in d.blocks)):
+        torch.nn.init.zeros_(block.conv.weight)
+    x = photo(9)
+    other = x.clone()
+    other[0, :3, 40, 51] = 1 - other[0, :3, 40, 51]
+    with torch.no_grad():
+        change = (net(other)["albedo"] - net(x)["albedo"]).abs().sum(dim=1)[0]
+    assert change[40, 51] > 0
+    change[36:45, 46:56] = 0  # the kernels' reach
+    assert change.max() == 0
 
 
 def test_mixing_first_is_mixing_afterwards() -> None:

@@ -93,10 +93,11 @@ def _build(seed: int, ranges: dict[str, tuple[float, float]]) -> Model:
     deep = toy.conv("enc3", (Source(mid),), 34, (3, 3), 2, (0, 0, 1, 1), relu=False)
     deep = toy.conv("enc4", (Source(deep),), 18, (1, 1), 1, (0, 0, 0, 0))
     toy.classifier((deep, mid), 24)
+    detail = Source(toy.conv("detail", (Source("input"),), 5, (2, 2), 2, (0, 0, 0, 0)))
     for kind, width in (("albedo", 7), ("normal", 6), ("roughness", 5)):
         up = toy.conv(f"{kind}1", (Source(deep, True), Source(mid)), width + 7)
         up = toy.conv(f"{kind}2", (Source(up, True), Source(low)), width)
-        toy.head(kind, (Source(up),), 2)
+        toy.head(kind, (Source(up),) if kind == "roughness" else (Source(up), detail), 2)
     return toy.model("toy")
 
 
@@ -111,7 +112,7 @@ def smooth_photo(size: int = 128, seed: int = 5) -> np.ndarray:
 
 
 def toy_model(seed: int = 4) -> Model:
-    """Three levels deep; concatenation, up-sampling, asymmetric padding, 1x1, a layer without ReLU.
+    """Three levels deep; concatenation, also in two heads, up-sampling, asymmetric padding, 1x1, a layer without ReLU.
 
     The activations' scales are measured on `smooth_photo` with the float weights, as the exporter does it.
     """

@@ -8,7 +8,7 @@ use super::ModelError;
 /// First eight bytes of a model file.
 pub const MAGIC: [u8; 8] = *b"FLASHMAT";
 /// The format version that this crate reads.
-pub const VERSION: u32 = 1;
+pub const VERSION: u32 = 2;
 /// Alignment of sections within the file.
 const ALIGN: usize = 64;
 const HEADER: usize = 64;

@@ -233,8 +233,13 @@ pub struct Graph<'m> {
 
 /// The input's tensor number.
 pub const INPUT: usize = 0;
-/// The input's channels: sRGB-encoded R, G, B, then (px + 1) / 2, (py + 1) / 2, and 1 where the light's scale is known.
+/// The input's channels: sRGB-encoded R, G, B, then the coordinates (see [`COORDINATE_REACH`]), and 1 where the light's
+/// scale is known.
 pub const INPUT_CHANNELS: usize = 6;
+/// A pixel's coordinates are its point (x, y) of the plane, in units of the camera's distance, as
+/// (x / reach + 1) / 2 and (y / reach + 1) / 2 in [0,1]: they tell the network the field of view, and with it how
+/// fast the flash falls off. 0.75 is half the side that a field of view of 73.7 degrees shows; beyond, they saturate.
+pub const COORDINATE_REACH: f32 = 0.75;
 /// The input's scale: one step of an 8-bit photo.
 pub const INPUT_SCALE: f32 = 1.0 / 255.0;
 /// The input's zero point.

@@ -7,10 +7,12 @@
 use super::activation;
 use super::classes::{CLASSES, ClassProbabilities, Map};
 use super::graph::{self, Dense, Graph, INPUT, INPUT_CHANNELS, MixHead, Op, Sources, Window};
+use super::op_input::coordinate;
 use super::{Classification, Model, split3};
 use crate::arena::Arena;
 use crate::exec::Executor;
 use crate::frame::LinearImage;
+use crate::frame::geometry::Geometry;
 use crate::frame::transfer::linear_to_srgb;
 use crate::kernels::pack::{Shape, unpack};
 use crate::maps::{MapsMut, check_planes};
@@ -133,14 +135,15 @@ impl Engine for FloatNetwork<'_> {
 fn input(photo: &LinearImage<'_>) -> Vec<f32> {
     let size = photo.size;
     let mut values = vec![0.0; size * size * INPUT_CHANNELS];
-    let centre = |index: usize| (2 * index + 1) as f32 / (2 * size) as f32;
+    let geometry = Geometry::new(size, photo.fov_deg);
     let (gain, known) = photo.light_scale.map_or((1.0, 0.0), |scale| (1.0 / scale, 1.0));
     for (index, pixel) in values.as_chunks_mut::<INPUT_CHANNELS>().0.iter_mut().enumerate() {
         let (x, y) = (index % size, index / size);
         for (value, plane) in pixel.iter_mut().zip(photo.rgb.chunks_exact(size * size)) {
             *value = linear_to_srgb((plane[index] * gain).clamp(0.0, 1.0));
         }
-        [pixel[3], pixel[4], pixel[5]] = [centre(x), centre(size - 1 - y), known];
+        let point = geometry.point(y, x);
+        [pixel[3], pixel[4], pixel[5]] = [coordinate(point.x), coordinate(point.y), known];
     }
     values
 }

@@ -34,6 +34,7 @@ class SceneOptions:
     tilt_sigma: float = 3.0  # degrees, each axis
     fov_exact: float = 0.4  # share of photos with the field of view of the paper
     fov_range: tuple[float, float] = (32.0, 70.0)
+    fov_known: float = 0.75  # share of the others whose field of view the network is told
     augment: bool = True  # the paper's scaling of the maps
     camera: CameraNoise = field(default_factory=CameraNoise)
 
@@ -84,6 +85,7 @@ def render_batch(
     f0 = blended_f0((cls == METAL).float())
     exact = rng.random(b) < options.fov_exact
     fov = np.where(exact, FOV_DEG, rng.uniform(*options.fov_range, size=b))
+    told = np.where(rng.random(b) < options.fov_known, fov, FOV_DEG)
     tilt = rng.normal(size=(b, 2)) * math.radians(options.tilt_sigma) * (rng.random((b, 1)) < 0.7)
     geometry = tilted(n, tensor(fov), tensor(tilt), dev)
     light = geometry.camera + tensor(rng.normal(size=(b, 3)) * options.light_sigma)
@@ -100,7 +102,13 @@ def render_batch(
     photo, known = photograph(radiance, rng, options.camera)
     target = {"albedo": albedo, "normal": normal, "roughness": rough, "cls": cls, "known": known}
     return Batch(
-        network_input(photo, known), target, f0, geometry.points, geometry.view, light, tensor(novel_lights(rng, b))
+        network_input(photo, known, tensor(told)),
+        target,
+        f0,
+        geometry.points,
+        geometry.view,
+        light,
+        tensor(novel_lights(rng, b)),
     )
 
 

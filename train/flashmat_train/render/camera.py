@@ -26,8 +26,10 @@ class CameraNoise:
     auto: float = 1.0  # share of the others whose automatic exposure pulled the mean towards AUTO_MEAN
     calibration: float = 0.03  # error of a known exposure
     white_balance: float = 0.04
-    vignette: float = 0.4  # darkening of the corner, at most
-    contrast: float = 0.5  # strength of an S-shaped tone curve, at most; half of the photos have one
+    vignette: float = 0.2  # darkening of the corner, at most, that the phone's own correction leaves
+    contrast: float = (
+        0.5  # strength of an S-shaped tone curve, at most; half of the photos of unknown exposure have one
+    )
     blur: float = 0.6  # sigma in pixels, at most
     shot: float = 0.02  # noise at white, at most (linear)
     read: float = 0.004  # noise at black, at most (linear)
@@ -68,7 +70,9 @@ def photograph(radiance: Tensor, rng: np.random.Generator, c: CameraNoise) -> tu
     noise = torch.randn(x.shape, generator=torch.Generator(dev).manual_seed(seed), device=dev)
     x = x + noise * (shot[:, None, None, None] ** 2 * x.clamp(0, 1) + read[:, None, None, None] ** 2).sqrt()
     x = srgb_encode(x.clamp(0, 1))
-    s = (on * uniform(b) * c.contrast * torch.tensor(rng.random(b) < 0.5, device=dev))[:, None, None, None]
+    s = (on * (1 - known) * uniform(b) * c.contrast * torch.tensor(rng.random(b) < 0.5, device=dev))[
+        :, None, None, None
+    ]
     x = x + s * (x * x * (3 - 2 * x) - x)
     x = torch.round(x * 255) / 255
     chosen = np.flatnonzero((rng.random(b) < c.jpeg) & noisy)
