@@ -3,7 +3,7 @@ use flashmat_core::arena::Arena;
 use flashmat_core::exec::Executor;
 use flashmat_core::frame::LinearImage;
 use flashmat_core::maps::MapsMut;
-use flashmat_core::net::{Class, ClassProbabilities, Classification, Network, Tap};
+use flashmat_core::net::{Class, Classification, Mixing, Network, Tap};
 use flashmat_core::{Error, Silent};
 
 /// Memory of a network run, to be used again and again.
@@ -46,7 +46,7 @@ impl NetRun {
         exec: &dyn Executor,
         tap: Option<&mut dyn Tap>,
     ) -> Result<Classification, Error> {
-        let mixing = class.map(ClassProbabilities::certain);
+        let mixing = Mixing::only(class);
         let photo = LinearImage {
             size: self.size,
             rgb: &self.rgb,

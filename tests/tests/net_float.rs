@@ -6,8 +6,8 @@ use flashmat_core::exec::Inline;
 use flashmat_core::frame::LinearImage;
 use flashmat_core::kernels::Level;
 use flashmat_core::maps::MapsMut;
-use flashmat_core::net::Model;
 use flashmat_core::net::tract::FloatNetwork;
+use flashmat_core::net::{Mixing, Model};
 use flashmat_core::pipeline::Engine;
 use flashmat_tests::golden::{TOY_MODEL, TOY_SIZE, toy, toy_photo};
 use flashmat_tests::runs::smooth_photo;
@@ -33,7 +33,7 @@ fn float_tensors_and_maps_are_the_reference() {
     let mut maps =
         MapsMut { size: TOY_SIZE, albedo: &mut albedo, normal: &mut normal, roughness: &mut roughness };
     let answer = network
-        .infer(&photo, None, &Inline, &mut Arena::new(&mut []), &mut maps, &mut Silent)
+        .infer(&photo, Mixing::default(), &Inline, &mut Arena::new(&mut []), &mut maps, &mut Silent)
         .expect("a run");
     assert!(expected["float/probabilities"].distance("probabilities", &answer.predicted.0) < 1e-5);
     for (name, values) in [("albedo", &albedo), ("normal", &normal), ("roughness", &roughness)] {

@@ -3,7 +3,7 @@ use flashmat_core::Error;
 use flashmat_core::arena::Arena;
 use flashmat_core::exec::Inline;
 use flashmat_core::kernels::Kernels;
-use flashmat_core::net::{Model, Network};
+use flashmat_core::net::{Mixing, Model, Network};
 use flashmat_tests::counting::{Counting, calls};
 use flashmat_tests::models::{Widths, random_model};
 use flashmat_tests::runs::{NetRun, smooth_photo};
@@ -57,6 +57,7 @@ fn a_run_allocates_nothing_and_keeps_to_its_workspace() {
         roughness: &mut run.roughness,
     };
     let mut arena = Arena::new(&mut workspace);
-    let short = network.run(&photo, None, &Inline, &mut arena, &mut maps, &mut flashmat_core::Silent);
+    let short =
+        network.run(&photo, Mixing::default(), &Inline, &mut arena, &mut maps, &mut flashmat_core::Silent);
     assert!(matches!(short, Err(Error::WorkspaceTooSmall { .. })));
 }

@@ -4,7 +4,7 @@ use flashmat_core::exec::{Executor, Inline, Pool};
 use flashmat_core::frame::LinearImage;
 use flashmat_core::kernels::{Kernels, Level, peak};
 use flashmat_core::maps::MapsMut;
-use flashmat_core::net::{Model, Network};
+use flashmat_core::net::{Mixing, Model, Network};
 use flashmat_core::{Error, Silent};
 use std::time::Instant;
 
@@ -39,7 +39,14 @@ pub(crate) fn time(
     for _ in 0..=runs {
         let mut maps = MapsMut { size, albedo: &mut albedo, normal: &mut normal, roughness: &mut roughness };
         let start = Instant::now();
-        network.run(&photo, None, &*exec, &mut Arena::new(&mut workspace), &mut maps, &mut Silent)?;
+        network.run(
+            &photo,
+            Mixing::default(),
+            &*exec,
+            &mut Arena::new(&mut workspace),
+            &mut maps,
+            &mut Silent,
+        )?;
         times.push(start.elapsed().as_secs_f64() * 1e3);
     }
     let mut times = times.split_off(1);

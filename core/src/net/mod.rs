@@ -33,7 +33,7 @@ use crate::maps::{MapsMut, check_planes};
 use crate::{Error, Observer, Stage};
 pub use activation::NORMAL_Z_EPSILON;
 use band::Input;
-pub use classes::{CLASSES, Class, ClassProbabilities, Map};
+pub use classes::{CLASSES, Class, ClassProbabilities, Classification, Map, Mixing};
 use core::ops::Range;
 pub use error::ModelError;
 use format::{CRF_COEFFICIENTS, Defaults, Sections};
@@ -104,15 +104,6 @@ impl<'m> Model<'m> {
     }
 }
 
-/// The classifier's answer.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Classification {
-    /// What the network believes.
-    pub predicted: ClassProbabilities,
-    /// What the heads were mixed with: the same, or certainty of the caller's class.
-    pub used: ClassProbabilities,
-}
-
 /// Sees every tensor as soon as it is written, on whichever thread: for tests and reports.
 pub trait Tap: Send {
     /// An int8 image, interleaved.
@@ -165,8 +156,8 @@ impl<'m> Network<'m> {
         self.plan.bytes()
     }
 
-    /// Runs the network: `maps` gets the first maps. `mixing` overrides the classifier's
-    /// probabilities in the heads.
+    /// Runs the network: `maps` gets the first maps. `mixing` has a say in the class probabilities that
+    /// mix the heads.
     ///
     /// # Errors
     /// [`Error::NetworkSize`] or [`Error::PlaneLength`] when photo or maps are of another size than planned,
@@ -174,7 +165,7 @@ impl<'m> Network<'m> {
     pub fn run(
         &self,
         photo: &LinearImage<'_>,
-        mixing: Option<ClassProbabilities>,
+        mixing: Mixing,
         exec: &dyn Executor,
         arena: &mut Arena<'_>,
         maps: &mut MapsMut<'_>,
@@ -191,7 +182,7 @@ impl<'m> Network<'m> {
     pub fn run_tapped(
         &self,
         photo: &LinearImage<'_>,
-        mixing: Option<ClassProbabilities>,
+        mixing: Mixing,
         exec: &dyn Executor,
         arena: &mut Arena<'_>,
         maps: &mut MapsMut<'_>,
@@ -219,7 +210,7 @@ impl<'m> Network<'m> {
                 for layer in layers.get(batch.clone()).unwrap_or(&[]) {
                     state.step(layer, &classification.used, scope.scope(), maps)?;
                     if layer.op.output() == Some(self.model.graph.logits) {
-                        classification = state.classify(mixing);
+                        classification = mixing.classification(state.predicted());
                     }
                 }
                 Ok(())
@@ -302,11 +293,10 @@ impl<'m> State<'_, 'm> {
         }
     }
 
-    fn classify(&self, mixing: Option<ClassProbabilities>) -> Classification {
+    fn predicted(&self) -> ClassProbabilities {
         let place = self.place(self.graph().logits);
         let logits = self.vectors.get(place.start..).and_then(<[f32]>::first_chunk);
-        let predicted = logits.map_or(ClassProbabilities::UNIFORM, ClassProbabilities::softmax);
-        Classification { predicted, used: mixing.unwrap_or(predicted) }
+        logits.map_or(ClassProbabilities::UNIFORM, ClassProbabilities::softmax)
     }
 
     fn step(

@@ -5,14 +5,15 @@
 //! ([`Defaults::base_size`](super::format::Defaults)). At twice that size the same layers see a quarter of the picture
 //! each, and shading goes into the maps. So the base run (class, everything larger than a base pixel) is joined with
 //! what the full-size run adds below a base pixel, as a two-level Laplacian pyramid: albedo by ratio, normals by
-//! slope, roughness by difference. Not in the paper, whose photos all have the training size (docs/paper-notes.md).
+//! slope, roughness by difference. The class is what both say, for fine cloth shows its threads at full size only; so
+//! the full-size run comes first, and the base run's heads are mixed by both. Not in the paper, whose photos all have the training size (docs/paper-notes.md).
 use super::{Classification, Model};
 use crate::arena::{Arena, bytes_for};
 use crate::exec::{Executor, Plane, ROWS_PER_BLOCK, for_each_row_block, planes3};
 use crate::frame::LinearImage;
 use crate::maps::MapsMut;
 use crate::math::sqrtf;
-use crate::net::ClassProbabilities;
+use crate::net::Mixing;
 use crate::pipeline::Engine;
 use crate::{Error, Observer, Stage};
 use core::ops::ControlFlow;
@@ -25,8 +26,8 @@ const MOST_DETAIL: f32 = 3.0;
 const LEAST_Z: f32 = 0.05;
 /// Planes of a set of maps.
 const MAPS: usize = 7;
-/// Share of the progress that the base run is.
-const BASE_SHARE: f32 = 0.2;
+/// Share of the progress that the full-size run is.
+const FULL_SHARE: f32 = 0.8;
 
 /// An engine at the photo's size, with one at the training size where that is smaller.
 #[derive(Clone, Debug)]
@@ -73,7 +74,7 @@ impl<E: Engine> Engine for Scales<E> {
     fn infer(
         &self,
         photo: &LinearImage<'_>,
-        mixing: Option<ClassProbabilities>,
+        mixing: Mixing,
         exec: &dyn Executor,
         arena: &mut Arena<'_>,
         maps: &mut MapsMut<'_>,
@@ -91,13 +92,14 @@ impl<E: Engine> Engine for Scales<E> {
             shrink(large, n, m, small, exec);
         }
         let small = LinearImage { size: m, rgb, clipped, ..*photo };
-        let mut part = Part { observer, from: 0.0, share: BASE_SHARE };
+        let mut part = Part { observer, from: 0.0, share: FULL_SHARE };
+        let seen = self.full.infer(photo, mixing, exec, &mut scope, maps, &mut part)?;
+        let mixing = Mixing { second: Some(seen.predicted), ..mixing };
+        let mut part = Part { observer: part.observer, from: FULL_SHARE, share: 1.0 - FULL_SHARE };
         let classification = {
             let mut out = maps_of(first, m);
             base.infer(&small, mixing, exec, &mut scope, &mut out, &mut part)?
         };
-        let mut part = Part { observer: part.observer, from: BASE_SHARE, share: 1.0 - BASE_SHARE };
-        self.full.infer(photo, Some(classification.used), exec, &mut scope, maps, &mut part)?;
         let smooth = scope.take::<f32>(MAPS * m * m)?;
         join(first, smooth, m, maps, exec);
         Ok(classification)

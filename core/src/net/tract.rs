@@ -5,7 +5,7 @@
 //!
 //! Unlike the int8 engine it needs `std` and allocates, and its bits may differ between CPUs.
 use super::activation;
-use super::classes::{CLASSES, ClassProbabilities, Map};
+use super::classes::{CLASSES, ClassProbabilities, Map, Mixing};
 use super::graph::{self, Dense, Graph, INPUT, INPUT_CHANNELS, MixHead, Op, Sources, Window};
 use super::op_input::coordinate;
 use super::{Classification, Model, split3};
@@ -95,7 +95,7 @@ impl Engine for FloatNetwork<'_> {
     fn infer(
         &self,
         photo: &LinearImage<'_>,
-        mixing: Option<ClassProbabilities>,
+        mixing: Mixing,
         _exec: &dyn Executor,
         _arena: &mut Arena<'_>,
         maps: &mut MapsMut<'_>,
@@ -116,7 +116,7 @@ impl Engine for FloatNetwork<'_> {
                 predicted = logits.map_or(predicted, ClassProbabilities::softmax);
             }
         }
-        let used = mixing.unwrap_or(predicted);
+        let classification = mixing.classification(predicted);
         for (layer, values) in graph.layers().iter().zip(&outputs) {
             if let Op::MixHead(head) = &layer.op {
                 let map = match head.map {
@@ -124,10 +124,10 @@ impl Engine for FloatNetwork<'_> {
                     Map::Normal => &mut *maps.normal,
                     Map::Roughness => &mut *maps.roughness,
                 };
-                finish(head, &used, floats(values)?, self.size, map);
+                finish(head, &classification.used, floats(values)?, self.size, map);
             }
         }
-        Ok(Classification { predicted, used })
+        Ok(classification)
     }
 }
 

@@ -13,7 +13,7 @@ use crate::frame::{self, FieldOfView, Frame, LinearImage};
 use crate::kernels::{Kernels, Simd};
 use crate::maps::{Maps, MapsMut};
 use crate::net::scales::Scales;
-use crate::net::{Class, ClassProbabilities, Classification, Model, Network};
+use crate::net::{Class, ClassProbabilities, Classification, Mixing, Model, Network};
 use crate::search;
 use crate::{Error, Observer, Stage};
 use stages::First;
@@ -82,14 +82,14 @@ pub trait Engine {
     fn size(&self) -> usize;
     /// Bytes of workspace for one run.
     fn workspace_bytes(&self) -> usize;
-    /// Photo to first maps; `mixing` overrides the classifier's probabilities in the heads.
+    /// Photo to first maps; `mixing` has a say in the class probabilities that mix the heads.
     ///
     /// # Errors
     /// As the engine's own.
     fn infer(
         &self,
         photo: &LinearImage<'_>,
-        mixing: Option<ClassProbabilities>,
+        mixing: Mixing,
         exec: &dyn Executor,
         arena: &mut Arena<'_>,
         maps: &mut MapsMut<'_>,
@@ -113,7 +113,7 @@ impl Engine for Network<'_> {
     fn infer(
         &self,
         photo: &LinearImage<'_>,
-        mixing: Option<ClassProbabilities>,
+        mixing: Mixing,
         exec: &dyn Executor,
         arena: &mut Arena<'_>,
         maps: &mut MapsMut<'_>,

@@ -10,7 +10,7 @@ use crate::crf::{self, Albedo, Coefficients, Energy, Normal, Roughness};
 use crate::exec::Executor;
 use crate::frame::LinearImage;
 use crate::maps::{Maps, MapsMut};
-use crate::net::{Class, ClassProbabilities, Classification, Model};
+use crate::net::{Class, Classification, Mixing, Model};
 use crate::{Observer, search};
 
 /// What every stage of a run reads.
@@ -69,7 +69,7 @@ impl<'a> First<'a> {
             normal: arena.take(3 * plane)?,
             roughness: arena.take(plane)?,
         };
-        let mixing = run.options.class.map(ClassProbabilities::certain);
+        let mixing = Mixing::only(run.options.class);
         let classification = engine.infer(&run.photo, mixing, run.exec, arena, &mut maps, observer)?;
         Ok(Self { maps, classification })
     }
