@@ -9,7 +9,7 @@ use flashmat_core::exec::Inline;
 use flashmat_core::frame::LinearImage;
 use flashmat_core::kernels::{Kernels, Level, peak};
 use flashmat_core::maps::MapsMut;
-use flashmat_core::net::{Model, Network};
+use flashmat_core::net::{Mixing, Model, Network};
 use flashmat_core::pipeline::Engine;
 use flashmat_core::{Error, Silent};
 use std::io::{BufRead, Write};
@@ -55,7 +55,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let (albedo, rest) = planes.split_at_mut(3 * pixels);
         let (normal, roughness) = rest.split_at_mut(3 * pixels);
         let mut maps = MapsMut { size, albedo, normal, roughness };
-        engine.infer(&photo, None, &Inline, &mut Arena::new(&mut workspace), &mut maps, &mut Silent)
+        engine.infer(&photo, Mixing::default(), &Inline, &mut Arena::new(&mut workspace), &mut maps, &mut Silent)
     };
     let first = run(&mut planes)?;
     std::fs::write(out, planes.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<u8>>())?;
