@@ -87,7 +87,9 @@ fn pkg_config_and_cmake_find_an_installed_library() {
         println!("NOT CHECKED: cmake: {error}");
         return;
     }
+    // Anew: CMake's cache of another checkout's source, built in the same target folder, would be refused.
     let build = prefix.join("build");
+    let _ = fs::remove_dir_all(&build);
     let mut command = Command::new("cmake");
     command.arg("-S").arg(root().join("tests/cmake")).arg("-B").arg(&build);
     compile(command.arg(format!("-DCMAKE_PREFIX_PATH={}", prefix.display())));

@@ -55,7 +55,14 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let (albedo, rest) = planes.split_at_mut(3 * pixels);
         let (normal, roughness) = rest.split_at_mut(3 * pixels);
         let mut maps = MapsMut { size, albedo, normal, roughness };
-        engine.infer(&photo, Mixing::default(), &Inline, &mut Arena::new(&mut workspace), &mut maps, &mut Silent)
+        engine.infer(
+            &photo,
+            Mixing::default(),
+            &Inline,
+            &mut Arena::new(&mut workspace),
+            &mut maps,
+            &mut Silent,
+        )
     };
     let first = run(&mut planes)?;
     std::fs::write(out, planes.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<u8>>())?;

@@ -17,7 +17,7 @@ pub struct LayerSnr {
     pub name: String,
     /// 10 log10(float energy / energy of the difference).
     pub db: f64,
-    /// Whether a head reads it: a decoder's output.
+    /// Whether a head reads it: a decoder's output, or the detail.
     pub feeds_head: bool,
 }
 
