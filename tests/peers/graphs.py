@@ -38,7 +38,8 @@ def network(model: modelfile.Model, probabilities: np.ndarray) -> Network:
     """The file's network in PyTorch, its heads mixed with `probabilities`."""
     layers = model.graph.layers
     convs = [layer for layer in layers if isinstance(layer, modelfile.Conv)]
-    encoder = [c for c in convs if len(c.sources) == 1]
+    detail = [c for c in convs if c.name == "detail"]
+    encoder = [c for c in convs if len(c.sources) == 1 and c.name != "detail"]
     decoder = [c for c in convs if len(c.sources) == 2]
     widths = tuple(c.weight_q.shape[0] for c in decoder[: len(decoder) // len(HEADS)])
     dense = [layer for layer in layers if isinstance(layer, modelfile.Dense)]
@@ -47,12 +48,14 @@ def network(model: modelfile.Model, probabilities: np.ndarray) -> Network:
         tuple(c.weight_q.shape[0] for c in encoder),
         widths,
         classifier=dense[0].weight.shape[0],
+        detail=detail[0].weight_q.shape[0] if detail else 0,
         encoder_kernel=encoder[0].weight_q.shape[1],
         mixing=False,
     )
     out = Network(config)
-    blocks = [*out.encoder, *(b for d in out.decoders.values() for b in d.blocks)]
-    for block, conv in zip(blocks, [*encoder, *decoder], strict=True):
+    own = [out.detail] if out.detail is not None else []
+    blocks = [*out.encoder, *own, *(b for d in out.decoders.values() for b in d.blocks)]
+    for block, conv in zip(blocks, [*encoder, *detail, *decoder], strict=True):
         fill(block, *real_weights(conv, model.graph))
     for linear, layer in zip((out.classifier[0], out.classifier[2]), dense, strict=True):
         linear.weight.copy_(torch.from_numpy(layer.weight))
