@@ -5,10 +5,10 @@
 use super::Map;
 use super::format::{F32s, I32s};
 
-/// Most tensors in a graph.
-pub const MAX_TENSORS: usize = 64;
+/// Most tensors in a graph. A planned graph lies on the stack while it is made: this and [`MAX_LAYERS`] are most of it.
+pub const MAX_TENSORS: usize = 48;
 /// Most layers in a graph.
-pub const MAX_LAYERS: usize = 64;
+pub const MAX_LAYERS: usize = 48;
 /// Most channels of a tensor.
 pub const MAX_CHANNELS: usize = 2048;
 /// Largest kernel side.
