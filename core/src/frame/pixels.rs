@@ -1,11 +1,13 @@
 //! The caller's pixels, format by format: checks at the door, then sums of linear light along a row, as integers.
-use super::resample::{self, Row, Source, Sums, fixed};
+use super::resample::{self, CLIPPED, Row, Source, Sums, fixed};
 use super::transfer::{WIDE_TABLE, byte_table, fill_wide_table, p3_to_srgb, srgb_to_linear, wide_lookup};
-use super::yuv::{Converter, LOWEST, Range, STEPS, YuvMatrix, YuvPlanes, step};
-use super::{Encoding, MAX_SIDE};
+use super::yuv::{Converter, LOWEST, STEPS, YuvMatrix, YuvPlanes, step};
+use super::{Encoding, MAX_SIDE, yuv};
 use crate::Error;
 use crate::arena::Arena;
 use crate::exec::Executor;
+use crate::kernels::{ByteTable, Simd};
+use core::ops::Range;
 
 /// 8-bit codes from here on count as clipped.
 const CLIPPED_BYTE: u8 = 254;
@@ -39,7 +41,7 @@ pub(super) enum Pixels<'a> {
     Bytes { format: PixelFormat, data: &'a [u8], stride: usize },
     Wide { data: &'a [u16], stride: usize },
     Float { data: &'a [f32], stride: usize },
-    Yuv { format: PixelFormat, planes: YuvPlanes<'a>, matrix: YuvMatrix, range: Range },
+    Yuv { format: PixelFormat, planes: YuvPlanes<'a>, matrix: YuvMatrix, range: yuv::Range },
 }
 
 /// Checks that `rows` rows of `row` values, `stride` apart, fit in `len` values.
@@ -101,10 +103,10 @@ impl<'a> Pixels<'a> {
     ) -> Result<Self, Error> {
         check_sides(width, height)?;
         planes.check(width, height)?;
-        Ok(Self::Yuv { format, planes, matrix: YuvMatrix::default(), range: Range::default() })
+        Ok(Self::Yuv { format, planes, matrix: YuvMatrix::default(), range: yuv::Range::default() })
     }
 
-    pub(super) fn yuv_colour(self, matrix: YuvMatrix, range: Range) -> Self {
+    pub(super) fn yuv_colour(self, matrix: YuvMatrix, range: yuv::Range) -> Self {
         match self {
             Self::Yuv { format, planes, .. } => Self::Yuv { format, planes, matrix, range },
             other => other,
@@ -133,10 +135,13 @@ impl<'a> Pixels<'a> {
         match *self {
             Self::Bytes { format, data, stride } => {
                 let table = &fixed_table(curve);
+                let bytes = &ByteTable::new(table, CLIPPED_BYTE, CLIPPED);
                 if format == PixelFormat::Rgb8 {
-                    resample::run(&Bytes::<3> { data, stride, table }, window, exec, rgb, clipped, arena)?;
+                    let source = Bytes::<3> { data, stride, table, bytes };
+                    resample::run(&source, window, exec, rgb, clipped, arena)?;
                 } else {
-                    resample::run(&Bytes::<4> { data, stride, table }, window, exec, rgb, clipped, arena)?;
+                    let source = Bytes::<4> { data, stride, table, bytes };
+                    resample::run(&source, window, exec, rgb, clipped, arena)?;
                 }
                 if format == PixelFormat::Bgra8 {
                     let plane = rgb.len() / 3;
@@ -200,6 +205,8 @@ struct Bytes<'a, const STEP: usize> {
     data: &'a [u8],
     stride: usize,
     table: &'a [u64; 256],
+    /// The same, for registers.
+    bytes: &'a ByteTable,
 }
 
 struct BytesRow<'a, const STEP: usize> {
@@ -213,8 +220,21 @@ impl<const STEP: usize> Source for Bytes<'_, STEP> {
     where
         Self: 'r;
 
+    const VALUES: usize = STEP;
+
     fn row(&self, y: usize) -> BytesRow<'_, STEP> {
         BytesRow { pixels: from_row(self.data, self.stride, y).as_chunks().0, table: self.table }
+    }
+
+    fn has_columns(&self, simd: Simd) -> bool {
+        simd.has_byte_tables()
+    }
+
+    fn add_up_columns(&self, rows: Range<usize>, start: usize, sums: &mut [u64], simd: Simd) {
+        let data = from_row(self.data, self.stride, rows.start).get(STEP * start..).unwrap_or(&[]);
+        if !self.bytes.column_sums(data, (rows.len(), self.stride), sums, simd) {
+            sums.fill(0);
+        }
     }
 }
 

@@ -4,9 +4,10 @@
 //! counts for both boxes, in parts. Growing (window smaller than n): bilinear between source
 //! pixel centres. At equal size and whole borders both copy.
 //!
-//! Linear light is added up as integers ([`fixed`]): exact in any order, and loads from a table keep up with the widest
-//! registers, whose gathers are no faster. Only the sums over a box's rows become floats (f64), in one order, so the bits
-//! are the same everywhere.
+//! Linear light is added up as integers ([`fixed`]): exact in any order. So pixels may be taken along a row, each value
+//! loaded from a table (no slower than the widest registers' gathers), or, where registers hold the table
+//! ([`Source::has_columns`]), rows added up first, column by column. Only the sums over a box's rows become floats (f64), in one order, so the
+//! bits are the same everywhere.
 use super::Crop;
 use crate::Error;
 use crate::arena::{Arena, bytes_for};
@@ -20,11 +21,17 @@ const SLIVER: f64 = 1e-6;
 /// Integer units of linear light in white: all values of 8-bit codes are whole numbers of them.
 const ONE: f32 = (1_u64 << 36) as f32;
 /// Marks a clipped channel of a pixel. Sums of [`MOST`] pixels stay below it, and as many marks fit above it.
-const CLIPPED: u64 = 1 << 49;
+pub(super) const CLIPPED: u64 = 1 << 49;
 /// Most pixels that are added up as integers.
 const MOST: usize = 1 << 12;
 /// Boxes of a row that are worked on together.
 const RUN: usize = 128;
+/// Pixels whose columns are added up together.
+const CHUNK: usize = 192;
+/// Most values of a pixel.
+const MOST_VALUES: usize = 4;
+/// Rows from which on it is faster to add up columns first.
+const ROWS_OF_COLUMNS: usize = 2;
 
 /// Linear light in [0,1] as an integer, marked if its pixel counts as clipped.
 #[inline(always)]
@@ -40,8 +47,20 @@ pub(super) trait Source: Sync {
     where
         Self: 'r;
 
+    /// Values of a pixel, R, G and B first: at most [`MOST_VALUES`].
+    const VALUES: usize = 3;
+
     /// Row `y`; rows outside are black.
     fn row(&self, y: usize) -> Self::Row<'_>;
+
+    /// Whether [`Source::add_up_columns`] works, and fast.
+    fn has_columns(&self, _simd: Simd) -> bool {
+        false
+    }
+
+    /// Sets `sums` to the sums of [`fixed`] over `rows`, one for each value from pixel `start` on; what is clipped may be marked
+    /// once for all rows. Nothing that is outside may be asked for.
+    fn add_up_columns(&self, _rows: Range<usize>, _start: usize, _sums: &mut [u64], _simd: Simd) {}
 }
 
 /// A row of pixels.
@@ -190,6 +209,7 @@ struct Boxes<'a> {
     columns: &'a [Border],
     weights: [f64; RUN],
     last_weights: [f64; RUN],
+    width: usize,
     height: usize,
     /// Most pixels from border to border.
     longest: usize,
@@ -210,7 +230,7 @@ impl<'a> Boxes<'a> {
             (*weight, *last) = from.weights(*to);
         }
         let longest = window.step as usize + 2;
-        Self { columns, weights, last_weights, height: window.height, longest, simd }
+        Self { columns, weights, last_weights, width: window.width, height: window.height, longest, simd }
     }
 
     fn add_up<S: Source>(&self, source: &S, rows: Range<usize>) -> Line {
@@ -234,7 +254,12 @@ impl<'a> Boxes<'a> {
         // The pixels on the borders and those between them.
         let (mut borders, mut inside) = ([[0; RUN + 1]; 3], [[0; RUN]; 3]);
         let count = self.columns.len().saturating_sub(1).min(RUN);
-        for y in rows {
+        let columns_first =
+            rows.len() >= ROWS_OF_COLUMNS && self.longest <= MOST && source.has_columns(self.simd);
+        if columns_first {
+            self.add_columns(source, &rows, &mut borders, &mut inside);
+        }
+        for y in if columns_first { 0..0 } else { rows } {
             let row = source.row(y);
             let mut from = self.columns.first().map_or(0, |border| border.index());
             for (i, to) in self.columns.iter().skip(1).enumerate().take(RUN) {
@@ -266,6 +291,70 @@ impl<'a> Boxes<'a> {
             },
         );
     }
+}
+
+impl Boxes<'_> {
+    /// Adds rows up column by column, and columns to boxes.
+    #[inline(never)]
+    fn add_columns<S: Source>(
+        &self,
+        source: &S,
+        rows: &Range<usize>,
+        borders: &mut [[u64; RUN + 1]; 3],
+        inside: &mut [[u64; RUN]; 3],
+    ) {
+        self.simd.run(
+            #[inline(always)]
+            || self.add_chunks(source, rows, borders, inside),
+        );
+    }
+
+    #[inline(always)]
+    fn add_chunks<S: Source>(
+        &self,
+        source: &S,
+        rows: &Range<usize>,
+        borders: &mut [[u64; RUN + 1]; 3],
+        inside: &mut [[u64; RUN]; 3],
+    ) {
+        let border = |index: usize| self.columns.get(index).map(|border| border.index());
+        let (Some(first), Some(last)) = (border(0), border(self.columns.len() - 1)) else { return };
+        let mut values = [0; MOST_VALUES * CHUNK];
+        let end = (last + 1).min(self.width);
+        // The box that the next pixel is in, or on its first border.
+        let mut i = 0;
+        for start in (first..end).step_by(CHUNK) {
+            let stop = end.min(start + CHUNK);
+            let Some(sums) = values.get_mut(..S::VALUES * (stop - start)) else { return };
+            source.add_up_columns(rows.clone(), start, sums, self.simd);
+            let pixels =
+                |from: usize, to: usize| sums.get(S::VALUES * (from - start)..S::VALUES * (to - start));
+            let mut x = start;
+            while x < stop {
+                let Some(from) = border(i) else { return };
+                let to = border(i + 1).unwrap_or(stop);
+                if x == from {
+                    add_at(borders, i, |sums| add_pixels::<S>(sums, pixels(x, x + 1)));
+                    x += 1;
+                }
+                let next = to.min(stop).max(x);
+                add_at(inside, i, |sums| add_pixels::<S>(sums, pixels(x, next)));
+                i += usize::from(to <= next);
+                x = next;
+            }
+        }
+    }
+}
+
+/// `sums` with the values of pixels added.
+#[inline(always)]
+fn add_pixels<S: Source>(mut sums: Sums, values: Option<&[u64]>) -> Sums {
+    for pixel in values.unwrap_or(&[]).chunks_exact(S::VALUES) {
+        for (sum, value) in sums.iter_mut().zip(pixel) {
+            *sum += value;
+        }
+    }
+    sums
 }
 
 /// All but the last.

@@ -438,6 +438,38 @@ fn the_cpu_level_does_not_change_a_bit() {
     }
 }
 
+/// Rows added up by columns give what pixel after pixel gives: any size, crop, stride and layout, noise and extremes.
+#[test]
+fn registers_do_not_change_a_bit() {
+    let sizes = (1..500_usize, 1..500_usize, 1..180_usize, 0..9_usize);
+    let kinds = (any::<u64>(), 0..6_u8, 44.0..120.0_f32, any::<bool>());
+    property(150, (sizes, kinds), |((w, h, size, pad), (seed, kind, degrees, four))| {
+        let value = |i: usize| {
+            let random = ((seed ^ i as u64).wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 40) as u32;
+            match kind {
+                0 => 255,
+                1 => 0,
+                2 => 253 + random.is_multiple_of(300) as u8,
+                3 => [0, 255][random as usize & 1],
+                _ => random as u8,
+            }
+        };
+        let step = if four { 4 } else { 3 };
+        let stride = step * w + pad;
+        // Not a byte behind the last pixel.
+        let data: Vec<u8> = (0..stride * h - pad).map(value).collect();
+        let frame = if four { Frame::bgra8 } else { Frame::rgb8 }(&data, w, h, stride).expect("frame");
+        let fov = FieldOfView::shorter_side(degrees);
+        let baseline = prepared(&frame, size, &fov);
+        for simd in Level::ALL.into_iter().filter_map(|level| Simd::for_level(level).ok()) {
+            let got = prepared_by(&At::new(&Inline, simd), &frame, size, &fov);
+            let same = got.rgb.iter().zip(&baseline.rgb).all(|(a, b)| a.to_bits() == b.to_bits());
+            prop_assert!(same && got.clipped == baseline.clipped, "{:?}", simd);
+        }
+        Ok(())
+    });
+}
+
 #[cfg(feature = "parallel")]
 #[test]
 fn threads_do_not_change_a_bit() {

@@ -125,6 +125,16 @@ impl Level {
     }
 }
 
+/// Whether this CPU looks bytes up in registers (AVX-512 VBMI), which no level implies: the CPU's answer with `std`, the
+/// compiler's without.
+#[cfg(target_arch = "x86_64")]
+pub(super) fn has_vbmi() -> bool {
+    #[cfg(feature = "std")]
+    return std::arch::is_x86_feature_detected!("avx512vbmi");
+    #[cfg(not(feature = "std"))]
+    cfg!(target_feature = "avx512vbmi")
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

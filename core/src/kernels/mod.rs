@@ -10,6 +10,7 @@
 //! intrinsic, and for code compiled for a level ([`Simd`]).
 #[cfg(all(target_arch = "aarch64", target_feature = "neon", target_endian = "little"))]
 mod aarch64;
+mod columns;
 mod level;
 pub mod pack;
 pub mod peak;
@@ -24,6 +25,7 @@ mod x86_64;
 
 use crate::Error;
 use crate::net::quant::Range;
+pub(crate) use columns::ByteTable;
 pub use level::Level;
 pub use simd::Simd;
 pub(crate) use simd::prefetch;

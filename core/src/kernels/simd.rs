@@ -22,6 +22,9 @@ enum Width {
     Avx2,
     #[cfg(target_arch = "x86_64")]
     Avx512,
+    /// And AVX-512 VNNI and VBMI: the same loops, and tables of bytes in registers.
+    #[cfg(target_arch = "x86_64")]
+    Avx512Vbmi,
 }
 
 impl Simd {
@@ -38,7 +41,7 @@ impl Simd {
         }
         #[cfg(target_arch = "x86_64")]
         if level == Level::Avx512Vnni {
-            return Ok(Self(Width::Avx512));
+            return Ok(Self(if super::level::has_vbmi() { Width::Avx512Vbmi } else { Width::Avx512 }));
         }
         #[cfg(target_arch = "x86_64")]
         if level != Level::Scalar && Level::Avx2.is_supported() {
@@ -57,8 +60,16 @@ impl Simd {
             Width::Avx2 => unsafe { avx2(body) },
             #[cfg(target_arch = "x86_64")]
             // SAFETY: `for_level` found AVX-512 F, BW and VL supported before it made this value.
-            Width::Avx512 => unsafe { avx512(body) },
+            Width::Avx512 | Width::Avx512Vbmi => unsafe { avx512(body) },
         }
+    }
+
+    /// Whether the CPU has AVX-512 F, BW, VL, VNNI and VBMI: tables of bytes can be looked up in registers.
+    pub(crate) fn has_byte_tables(self) -> bool {
+        #[cfg(target_arch = "x86_64")]
+        return self.0 == Width::Avx512Vbmi;
+        #[cfg(not(target_arch = "x86_64"))]
+        false
     }
 }
 
