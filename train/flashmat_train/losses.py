@@ -27,6 +27,9 @@ class LossWeights:
     normal: float = 8.0
     roughness: float = 0.7
     render: float = 2.0
+    chroma: float = 1.0  # L1 on the hue of 8x8 means: no tint where a highlight was
+    bright: float = 3.0  # albedo's errors where the photo is nearly white count so many times more
+    room: float = 1.0  # the guess of the room's light: what tells it apart tells the albedo's brightness
     cls: float = 0.3
 
 
@@ -42,6 +45,12 @@ def normal_weights(normal: Tensor) -> Tensor:
 def tone(x: Tensor) -> Tensor:
     """Clamped to (0,1.5), gamma 2.2, as the paper's reconstruction loss; the offset keeps the gradient finite."""
     return (x.clamp(0, 1.5) + 1e-3) ** (1 / 2.2)
+
+
+def chroma(albedo: Tensor) -> Tensor:
+    """R, G, B shares of 8x8 means, (B,3,n/8,n/8); dark means count less."""
+    mean = F.avg_pool2d(albedo, 8)
+    return mean / (mean.sum(dim=1, keepdim=True) + 0.06)
 
 
 def best_scale(predicted: Tensor, target: Tensor) -> Tensor:
@@ -76,27 +85,34 @@ def losses(
     scale = best_scale(predicted["albedo"], target["albedo"])
     fair = torch.where(known > 0, torch.ones_like(scale), scale)[:, None, None, None]
     predicted = predicted | {"fair": predicted["albedo"] * fair}
-    a = 4 * F.mse_loss(predicted["albedo"], target["albedo"], reduction="none").mean(dim=(1, 2, 3))
+    # a highlight covers little of a photo, and what the albedo is below it is the hardest to say
+    heavy = 1 + w.bright * ((target["photo"].amax(dim=1, keepdim=True) - 0.85) / 0.1).clamp(0, 1)
+    heavy = heavy / heavy.mean(dim=(2, 3), keepdim=True)
+    a = 4 * ((predicted["albedo"] - target["albedo"]).square() * heavy).mean(dim=(1, 2, 3))
     a = (a * (known + (1 - known) * w.unknown)).mean()
-    scaled = 4 * F.mse_loss(predicted["albedo"] * scale[:, None, None, None], target["albedo"])
+    scaled = 4 * ((predicted["albedo"] * scale[:, None, None, None] - target["albedo"]).square() * heavy).mean()
     gamma = 1 / 2.2
-    l1 = F.l1_loss((predicted["fair"] + 1e-3) ** gamma, (target["albedo"] + 1e-3) ** gamma)
+    l1 = (((predicted["fair"] + 1e-3) ** gamma - (target["albedo"] + 1e-3) ** gamma).abs() * heavy).mean()
+    hue = F.l1_loss(chroma(predicted["fair"]), chroma(target["albedo"]))
     n = ((predicted["normal"] - target["normal"]).square() * normal_weights(target["normal"])).mean()
     r = 4 * F.mse_loss(predicted["roughness"], target["roughness"])
     want = render_pair(target, f0, view, lights)
     got = render_pair(predicted | {"albedo": predicted["fair"]}, f0, view, lights)
     render = F.mse_loss(got, want)
     c = F.cross_entropy(predicted["class_logits"], target["cls"], weight=class_weight, label_smoothing=0.05)
-    total = w.albedo * a + w.albedo_scaled * scaled + w.albedo_l1 * l1
+    room = F.mse_loss(predicted["room"], target["room"]) if "room" in predicted else torch.zeros_like(c)
+    total = w.albedo * a + w.albedo_scaled * scaled + w.albedo_l1 * l1 + w.chroma * hue + w.room * room
     total = total + w.normal * n + w.roughness * r + w.render * render + w.cls * c
     return {
         "total": total,
         "albedo": a,
         "albedo_scaled": scaled,
         "albedo_l1": l1,
+        "chroma": hue,
         "normal": n,
         "roughness": r,
         "render": render,
+        "room": room,
         "cls": c,
     }
 

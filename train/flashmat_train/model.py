@@ -38,6 +38,7 @@ class NetworkConfig:
     decoder: tuple[int, ...]
     classifier: int = 128
     texture: int = 3  # encoder stage whose mean the classifier reads beside the deepest's: texture without order
+    room: int = 0  # hidden width of the guess of the room's light, a help in training that is not exported; 0: none
     detail: int = 0  # channels at half resolution, straight from the photo, that the heads read too; 0: none
     encoder_kernel: int = 4
     mixing: bool = True  # K per-class heads mixed by the classifier; off: one head (variant `basic`)
@@ -52,9 +53,11 @@ class NetworkConfig:
 
 
 PRESETS = {
-    "phone": NetworkConfig("phone", (32, 48, 64, 128, 192, 256, 256), (128, 128, 96, 64, 40, 32), detail=32),
-    "paper": NetworkConfig("paper", (64, 128, 256, 256, 512, 512, 512), (512, 256, 256, 128, 96, 64), detail=32),
-    "tiny": NetworkConfig("tiny", (8, 12, 16, 16, 24, 24, 32), (16, 16, 16, 12, 8, 8), 16, detail=12),
+    "phone": NetworkConfig("phone", (32, 48, 64, 128, 192, 256, 256), (128, 128, 96, 64, 40, 32), room=64, detail=32),
+    "paper": NetworkConfig(
+        "paper", (64, 128, 256, 256, 512, 512, 512), (512, 256, 256, 128, 96, 64), room=64, detail=32
+    ),
+    "tiny": NetworkConfig("tiny", (8, 12, 16, 16, 24, 24, 32), (16, 16, 16, 12, 8, 8), 16, room=8, detail=12),
 }
 
 
@@ -129,6 +132,11 @@ class Network(nn.Module):
             nn.Linear(config.classifier, len(CLASSES)),
         )
 
+        self.room = None
+        if config.room:
+            pooled = config.encoder[-1] + config.encoder[config.texture]
+            self.room = nn.Sequential(nn.Linear(pooled, config.room), nn.ReLU(), nn.Linear(config.room, 1))
+
     def encode(self, x: Tensor) -> tuple[list[Tensor], Tensor]:
         """The features of every stage, and the class logits from the deepest."""
         features = []
@@ -151,7 +159,8 @@ class Network(nn.Module):
         detail = self.detail(x) if self.detail is not None else None
         probabilities = logits.softmax(dim=1)
         raw = {name: decoder(features, detail, probabilities) for name, decoder in self.decoders.items()}
-        return {**activate(raw), "class_logits": logits}
+        out = {**activate(raw), "class_logits": logits}
+        return out if self.room is None else {**out, "room": self.room(self.pooled(features))[:, 0]}
 
 
 def activate(raw: dict[str, Tensor]) -> dict[str, Tensor]:

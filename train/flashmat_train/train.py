@@ -6,14 +6,16 @@
 from __future__ import annotations
 
 import argparse
+import itertools
 import json
 import os
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
 import torch
 
-from .data.batches import Crops, SceneOptions, batches
+from .data.batches import Batch, Crops, SceneOptions, batches
 from .model import PRESETS, gmacs
 from .training.loop import Trainer, describe
 from .training.setup import check_arguments, configure, enter, leave, load_pools
@@ -42,6 +44,13 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
     p.add_argument("--light", default="pt", choices=("pt", "env"))
     p.add_argument("--size", type=int, default=128)
     p.add_argument("--batch", type=int, default=16, help="samples a step of each process")
+    p.add_argument(
+        "--large-every",
+        type=int,
+        default=0,
+        metavar="N",
+        help="every N-th step sees a quarter as many photos of twice the size, which count as a whole batch (0: none)",
+    )
     p.add_argument("--samples", type=int, default=200_000, help="samples to see in all")
     p.add_argument("--lr", type=float, default=1e-3)
     p.add_argument("--warmup", type=int, default=300)
@@ -57,6 +66,12 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
     p.add_argument("--save-every", type=int, default=250, help="steps")
     p.add_argument("--eval-every", type=int, default=1000, help="steps")
     p.add_argument("--split-checkpoint", action="store_true", help="checkpoints as files under 16 MiB")
+
+
+def mixed(usual: Iterator[Batch], large: Iterator[Batch] | None, every: int, start: int) -> Iterator[Batch]:
+    """Batches from step `start` on: each `every`-th from `large`."""
+    for step in itertools.count(start):
+        yield next(large if large is not None and (step + 1) % every == 0 else usual)
 
 
 def run(args: argparse.Namespace) -> None:
@@ -79,10 +94,15 @@ def run(args: argparse.Namespace) -> None:
     options = SceneOptions(flash=args.light == "pt")
     if args.light == "env":
         options = replace(options, environment=(0.5, 1.2))
-    crops = Crops(pools, args.size, args.seed, options.augment, total * args.batch * place.world)
     env = env.to(place.device)
-    source = batches(
-        crops, env, options, args.batch, trainer.start, place.device, args.workers, place.rank, place.world
-    )
-    trainer.fit(source, total, val)
+
+    def photos(size: int, batch: int, start: int, seed: int) -> Iterator[Batch]:
+        crops = Crops(pools, size, seed, options.augment, total * batch * place.world)
+        return batches(crops, env, options, batch, start, place.device, args.workers, place.rank, place.world)
+
+    every, large = args.large_every, None
+    if every:
+        large = photos(2 * args.size, max(1, args.batch // 4), trainer.start // every, args.seed + 1000)
+    usual = photos(args.size, args.batch, trainer.start - (trainer.start // every if every else 0), args.seed)
+    trainer.fit(mixed(usual, large, every, trainer.start), total, val)
     leave(place)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,13 +14,14 @@ import torch.nn.functional as F
 from PIL import Image
 from small_data import material, sky, write_hdr, write_material
 
-from flashmat_train import CLASSES
+from flashmat_train import CLASSES, METAL
 from flashmat_train.data import procedural_pool
-from flashmat_train.data.batches import Crops, SceneOptions, batches
+from flashmat_train.data.batches import Crops, SceneOptions, batches, render_batch
 from flashmat_train.data.materials import data_root, load, scan
 from flashmat_train.data.pool import Pool, scale_maps, srgb_decode, srgb_encode, to_bytes, to_float
 from flashmat_train.data.procedural_fresh import WINDOW, FreshPool
 from flashmat_train.pack import pack, unpack
+from flashmat_train.render.camera import CameraNoise
 from flashmat_train.render.envmap import Environments, Source
 from flashmat_train.render.flash import FOV_DEG, fronto_parallel, render_point
 from flashmat_train.render.hdr import read_hdr
@@ -137,9 +139,43 @@ def test_crops_wrap_around() -> None:
 def test_scaling_keeps_maps_valid() -> None:
     maps = to_float(torch.from_numpy(material(2).maps))
     for seed in range(20):
-        x = scale_maps(maps, np.random.default_rng(seed))
+        x = scale_maps(maps, seed % len(CLASSES), np.random.default_rng(seed))
         assert (x[3:6].norm(dim=0) - 1).abs().max() < 1e-5
         assert x[:3].min() >= 0 and x[:3].max() <= 1 and x[6].min() >= 0.02 and x[6].max() <= 1
+
+
+@pytest.mark.parametrize(("cls", "bounds"), [(METAL, (0.35, 1.3)), (0, (0.65, 1.4))])
+def test_albedo_scales_are_even_in_their_logarithm(cls: int, bounds: tuple[float, float]) -> None:
+    grey = torch.cat(
+        (torch.full((3, 2, 2), 0.5), torch.zeros(2, 2, 2), torch.ones(1, 2, 2), torch.full((1, 2, 2), 0.5))
+    )
+    factors = np.array([float(scale_maps(grey, cls, np.random.default_rng(s))[0, 0, 0]) / 0.5 for s in range(2000)])
+    low, high = np.log(bounds)
+    place = (np.log(factors) - low) / (high - low)
+    assert place.min() >= -1e-5 and place.max() <= 1 + 1e-5
+    assert abs(place.mean() - 0.5) < 0.02 and abs(place.std() - 12**-0.5) < 0.01
+
+
+def test_rooms_are_even_and_known() -> None:
+    """The room's light that a batch tells is what the photo was lit with: its own share of a flat white plane."""
+    white = torch.cat((torch.ones(3, 128, 128), torch.zeros(2, 128, 128), torch.ones(2, 128, 128)))
+    options = SceneOptions(
+        camera=CameraNoise(plain=1.0), tilt_sigma=0.0, light_sigma=0.0, fov_exact=1.0, environment=(0.0, 0.8)
+    )
+    env = Environments([Source.of(sky(1))], 1, 0)
+    rooms = []
+    for seed in range(8):
+        maps = torch.stack([white * 0.25, white * 0.25])
+        maps[:, 5:] = 1
+        cls = torch.zeros(2, dtype=torch.long)
+        batch = render_batch(maps, cls, env, options, np.random.default_rng(seed))
+        flash = render_batch(maps, cls, env, replace(options, environment=(0.0, 0.0)), np.random.default_rng(seed))
+        light = [srgb_decode(b.input[:, :3]).mean(dim=(1, 2, 3)) for b in (batch, flash)]
+        told = batch.target["room"]
+        # rough and dielectric: the highlight of room and flash adds a little to the diffuse part
+        assert torch.allclose(light[0] - light[1], 0.25 * told, rtol=0.35, atol=0.01)
+        rooms += told.tolist()
+    assert min(rooms) >= 0 and max(rooms) <= 0.8 and 0.25 < float(np.mean(rooms)) < 0.55
 
 
 def test_batches_do_not_depend_on_workers_or_start() -> None:

@@ -17,7 +17,7 @@ from small_data import material, sky
 from flashmat_train import checkpoint, curves
 from flashmat_train.data.batches import SceneOptions, render_batch
 from flashmat_train.data.pool import Pool
-from flashmat_train.losses import LossWeights
+from flashmat_train.losses import LossWeights, losses, point_lights
 from flashmat_train.model import PRESETS, Network
 from flashmat_train.render.camera import CameraNoise
 from flashmat_train.render.envmap import Environments, Source
@@ -58,6 +58,44 @@ def test_resume_is_bit_for_bit(data_folder: Path, tmp_path: Path) -> None:
     scores = json.loads((tmp_path / "whole" / "val.jsonl").read_text().splitlines()[-1])
     assert scores["samples"] == 12 and scores["albedo_mse"] > 0 and "flat_normal_mse" in scores
     assert curves.draw(tmp_path / "whole").stat().st_size > 1000
+
+
+def test_larger_photos_come_in_turn_and_resume(data_folder: Path, tmp_path: Path) -> None:
+    """Every second step sees one photo of 256² in place of four of 128²; a stop between changes nothing."""
+    sizes: list[tuple[int, ...]] = []
+    hook = torch.nn.modules.module.register_module_forward_pre_hook(
+        lambda module, inputs: (
+            sizes.append(tuple(inputs[0].shape[:1] + inputs[0].shape[-1:]))
+            if isinstance(module, Network) and module.training
+            else None
+        )
+    )
+    plan = ("--samples", "16", "--large-every", "2", "--save-every", "3", "--eval-every", "4", "--batch", "4")
+    try:
+        run(arguments(data_folder, tmp_path / "whole", *plan))
+        stopped = arguments(data_folder, tmp_path / "parts", *plan)
+        stopped.minutes = 1e-9
+        run(stopped)
+        run(arguments(data_folder, tmp_path / "parts", *plan))
+    finally:
+        hook.remove()
+    assert sizes == [(4, 128), (1, 256)] * 4
+    whole, parts = (checkpoint.load(tmp_path / name / "last.pt") for name in ("whole", "parts"))
+    same(whole["network"], parts["network"], "network")
+
+
+def test_weights_from_before_the_guess_of_the_room_start_a_run(data_folder: Path, tmp_path: Path) -> None:
+    run(arguments(data_folder, tmp_path / "first", "--samples", "2"))
+    path = tmp_path / "first" / "last.pt"
+    state = checkpoint.load(path)
+    state["ema"] = {k: v for k, v in state["ema"].items() if not k.startswith("room.")}
+    checkpoint.save(state, path, False)
+    run(arguments(data_folder, tmp_path / "next", "--samples", "2", "--init", str(path)))
+    assert "room.0.weight" in checkpoint.load(tmp_path / "next" / "last.pt")["ema"]
+    del state["ema"]["encoder.0.conv.weight"]
+    checkpoint.save(state, path, False)
+    with pytest.raises(SystemExit, match=r"encoder\.0\.conv"):
+        run(arguments(data_folder, tmp_path / "other", "--samples", "2", "--init", str(path)))
 
 
 def test_samples_of_earlier_runs_count(data_folder: Path, tmp_path: Path) -> None:
@@ -118,6 +156,33 @@ def one_batch() -> tuple:
     options = SceneOptions(camera=CameraNoise(plain=1.0), tilt_sigma=0.0, light_sigma=0.0, fov_exact=1.0)
     rng = np.random.default_rng(0)
     return render_batch(torch.stack([crop] * 2), torch.zeros(2, dtype=torch.long), env, options, rng), crop
+
+
+def test_losses_see_tints_highlights_and_the_room() -> None:
+    """What each of these terms is for raises it and no other: a tint, an error below a highlight, a wrong room."""
+    batch, _ = one_batch()
+    bright = torch.full_like(batch.input[:, :3], 0.3)
+    bright[:, :, 40:60, 40:60] = 1.0
+    target = batch.target | {"photo": bright}
+    fine = {k: target[k].clone() for k in ("albedo", "normal", "roughness", "room")}
+    fine["albedo"] = target["albedo"] = target["albedo"].clamp(0.1, 0.7)
+    fine["class_logits"] = torch.zeros(2, 8)
+
+    def terms(**changed: torch.Tensor) -> dict[str, float]:
+        lights = point_lights(batch.points, [batch.light])
+        out = losses(fine | changed, target, batch.f0, batch.view, lights, torch.ones(8), LossWeights())
+        return {k: float(v) for k, v in out.items()}
+
+    zero = terms()
+    assert zero["albedo"] == zero["chroma"] == zero["room"] == 0
+    tint = torch.tensor([1.1, 1.0, 0.9])[None, :, None, None]
+    assert terms(albedo=fine["albedo"] * tint)["chroma"] > 10 * terms(albedo=fine["albedo"] * 0.9)["chroma"]
+    below, beside = fine["albedo"].clone(), fine["albedo"].clone()
+    below[:, :, 40:60, 40:60] += 0.1
+    beside[:, :, 80:100, 40:60] += 0.1
+    w = LossWeights().bright
+    assert terms(albedo=below)["albedo"] == pytest.approx((1 + w) * terms(albedo=beside)["albedo"], rel=1e-4)
+    assert terms(room=fine["room"] + 0.2)["room"] == pytest.approx(0.04, rel=1e-4)
 
 
 def learner(lr: float = 4e-3) -> tuple[Learner, Step]:

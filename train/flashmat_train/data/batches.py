@@ -55,7 +55,7 @@ class Crops(Dataset):
         rng = np.random.default_rng((self.seed, i))
         pool = self.pools[int(rng.choice(len(self.pools), p=self.shares))]
         maps, cls = pool.draw(rng, self.size) if isinstance(pool, Pool) else pool.draw_for(i, rng, self.size)
-        return (scale_maps(maps, rng) if self.augment else maps), cls
+        return (scale_maps(maps, cls, rng) if self.augment else maps), cls
 
 
 @dataclass
@@ -63,7 +63,7 @@ class Batch:
     """A rendered batch on the training device."""
 
     input: Tensor  # (B,6,n,n)
-    target: dict[str, Tensor]  # albedo, normal, roughness, cls, and known (B,): the flash's strength is
+    target: dict[str, Tensor]  # maps, cls; known (B,): the flash's strength is; room (B,): the environment's over it
     f0: Tensor  # (B,1,1,1)
     points: Tensor  # (B,3,n,n)
     view: Tensor  # (B,3,n,n)
@@ -93,14 +93,13 @@ def render_batch(
     if options.flash:
         radiance = render_point(albedo, normal, rough, f0, geometry, light)
     low, high = options.environment
-    # most flash photos are taken indoors: the flash dominates more often than not
-    strength = tensor(low + (high - low) * rng.random(b) ** 1.5)
+    strength = tensor(rng.uniform(low, high, size=b))
     index = torch.tensor(rng.integers(len(env), size=b), device=dev)
     spin = tensor(rng.uniform(0, 2 * math.pi, size=b))
     ambient = env.render(index, spin, albedo, normal, rough, f0, geometry.view)
     radiance = radiance + ambient * strength[:, None, None, None]
     photo, known = photograph(radiance, rng, options.camera)
-    target = {"albedo": albedo, "normal": normal, "roughness": rough, "cls": cls, "known": known}
+    target = {"albedo": albedo, "normal": normal, "roughness": rough, "cls": cls, "known": known, "room": strength}
     return Batch(
         network_input(photo, known, tensor(told)),
         target,

@@ -14,6 +14,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
+from .. import METAL
 from .materials import Material
 
 #: Side of a crop as a share of the material's shorter side: the paper's 512, 1024, 2048, 3072, 4096 of 4096, and one
@@ -138,9 +139,15 @@ def _wrapped(x: Tensor, axis: int, start: int, count: int) -> Tensor:
     return x.index_select(axis, torch.arange(start, start + count).remainder(size))
 
 
-def scale_maps(x: Tensor, rng: np.random.Generator) -> Tensor:
-    """The paper's augmentation: albedo x U(0.8,1.4), normal xy x U(0.8,1.4), roughness x N(1,0.2)."""
-    albedo = (x[:3] * float(rng.uniform(0.8, 1.4))).clamp(0, 1)
+#: Factors of the albedo, drawn evenly in their logarithm: of a metal, of anything else. The paper's U(0.8,1.4) makes
+#: materials brighter than they are; a metal's is wide since the pool's base colours lean to polished ones.
+ALBEDO_SCALES = {True: (0.35, 1.3), False: (0.65, 1.4)}
+
+
+def scale_maps(x: Tensor, cls: int, rng: np.random.Generator) -> Tensor:
+    """The paper's augmentation: albedo x a random factor, normal xy x U(0.8,1.4), roughness x N(1,0.2)."""
+    low, high = ALBEDO_SCALES[cls == METAL]
+    albedo = (x[:3] * math.exp(rng.uniform(math.log(low), math.log(high)))).clamp(0, 1)
     n = torch.cat((x[3:5] * float(rng.uniform(0.8, 1.4)), x[5:6]))
     n = n / n.square().sum(dim=0, keepdim=True).sqrt()
     rough = (x[6:] * max(float(rng.normal(1.0, 0.2)), 0.2)).clamp(0.02, 1)

@@ -88,7 +88,8 @@ class Trainer:
             state = checkpoint.load(args.init)
             self.before = state.get("samples", 0)
             try:
-                self.network.load_state_dict(state["ema"])
+                fresh = {k: v for k, v in self.network.state_dict().items() if k.startswith("room.")}
+                self.network.load_state_dict(fresh | state["ema"])
             except RuntimeError as e:
                 raise SystemExit(f"--init {args.init}: not weights of this preset and variant: {e}") from e
             self.learner.ema = type(self.learner.ema)(self.network, args.ema)
@@ -111,7 +112,8 @@ class Trainer:
         module: nn.Module = Step(self.network, LossWeights(), self.weights, only_class)
         if self.place.world > 1:
             module = DistributedDataParallel(module, find_unused_parameters=only_class)
-        return module if self.args.no_compile else torch.compile(module)
+        # two sizes of photos: one graph for each, not one for any size
+        return module if self.args.no_compile else torch.compile(module, dynamic=False)
 
     def fit(self, source: Iterator[Batch], total: int, val: list[Batch]) -> None:
         """Steps `start` to `total`, or until --minutes are over."""

@@ -31,6 +31,7 @@ class Step(nn.Module):
             return {"total": c, "cls": c}
         predicted = {k: v.float() for k, v in self.network(x).items()}
         pairs = point_lights(points, list(lights.unbind(dim=1)))
+        target = target | {"photo": x[:, :3].float()}
         return losses(predicted, target, f0, view, pairs, self.class_weight, self.weights)
 
 
