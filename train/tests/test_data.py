@@ -18,7 +18,16 @@ from flashmat_train import CLASSES, METAL
 from flashmat_train.data import procedural_pool
 from flashmat_train.data.batches import Crops, SceneOptions, batches, render_batch
 from flashmat_train.data.materials import data_root, load, scan
-from flashmat_train.data.pool import Pool, scale_maps, srgb_decode, srgb_encode, to_bytes, to_float
+from flashmat_train.data.pool import (
+    Pool,
+    blended,
+    scale_maps,
+    srgb_decode,
+    srgb_encode,
+    tinted,
+    to_bytes,
+    to_float,
+)
 from flashmat_train.data.procedural_fresh import WINDOW, FreshPool
 from flashmat_train.pack import pack, unpack
 from flashmat_train.render.camera import CameraNoise
@@ -154,6 +163,37 @@ def test_albedo_scales_are_even_in_their_logarithm(cls: int, bounds: tuple[float
     place = (np.log(factors) - low) / (high - low)
     assert place.min() >= -1e-5 and place.max() <= 1 + 1e-5
     assert abs(place.mean() - 0.5) < 0.02 and abs(place.std() - 12**-0.5) < 0.01
+
+
+def test_blends_lie_between_two_materials() -> None:
+    a, b = (to_float(torch.from_numpy(material(s).maps)) for s in (2, 5))
+    assert torch.allclose(blended(a, b, 0.0), a, atol=1e-5) and torch.allclose(blended(a, b, 1.0), b, atol=1e-5)
+    half = blended(a, b, 0.5)
+    assert torch.allclose(half[[0, 1, 2, 6]], (a + b)[[0, 1, 2, 6]] / 2, atol=1e-6)
+    slope = [m[3:5] / m[5] for m in (a, b, half)]
+    assert torch.allclose(slope[2], (slope[0] + slope[1]) / 2, atol=1e-4)
+    tint = tinted(a, np.random.default_rng(1))
+    ratio = (tint[:3] / a[:3].clamp_min(1e-3)).flatten(1)
+    assert torch.equal(tint[3:], a[3:]) and ratio.std(dim=1).max() < 0.05 and ratio.mean(dim=1).std() > 0.02
+
+
+def test_crops_of_a_class_are_blended_within_it() -> None:
+    """Red and green of class 1, blue of class 3: blends of the first two occur, of the third with others none."""
+    colours = np.zeros((3, 7, 160, 160), np.uint8)
+    colours[:, 3:5], colours[:, 5:] = 128, 255
+    for i in range(3):
+        colours[i, i] = 200
+    pools = [
+        (Pool([type(material(1))(c, str(i), m) for i, (c, m) in enumerate(zip((1, 1, 3), colours, strict=True))]), 1.0)
+    ]
+    crops = Crops(pools, 128, 3, True, 200)
+    blends = 0
+    for i in range(len(crops)):
+        maps, cls = crops[i]
+        red, green, blue = (float(c) > 0.01 for c in maps[:3].mean(dim=(1, 2)))
+        assert blue == (cls == 3) and not (blue and (red or green))
+        blends += red and green
+    assert 10 < blends < 40
 
 
 def test_rooms_are_even_and_known() -> None:

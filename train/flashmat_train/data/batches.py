@@ -20,8 +20,11 @@ from ..render.brdf import blended_f0
 from ..render.camera import CameraNoise, photograph
 from ..render.envmap import Environments
 from ..render.flash import FOV_DEG, render_point, tilted
-from .pool import Pool, scale_maps
+from .pool import Pool, blended, scale_maps, tinted
 from .procedural_fresh import FreshPool
+
+#: Shares of the crops that are blended with another material of their class, and tinted.
+BLEND_SHARE, TINT_SHARE = 0.4, 0.5
 
 
 @dataclass(frozen=True)
@@ -55,7 +58,17 @@ class Crops(Dataset):
         rng = np.random.default_rng((self.seed, i))
         pool = self.pools[int(rng.choice(len(self.pools), p=self.shares))]
         maps, cls = pool.draw(rng, self.size) if isinstance(pool, Pool) else pool.draw_for(i, rng, self.size)
-        return (scale_maps(maps, cls, rng) if self.augment else maps), cls
+        return (self.varied(maps, cls, rng) if self.augment else maps), cls
+
+    def varied(self, maps: Tensor, cls: int, rng: np.random.Generator) -> Tensor:
+        """The maps blended with another material's of the class, tinted and scaled, each at random."""
+        if rng.random() < BLEND_SHARE:
+            other = self.pools[int(rng.choice(len(self.pools), p=self.shares))]
+            if isinstance(other, Pool) and cls in other.classes:
+                maps = blended(maps, other.draw(rng, self.size, cls)[0], float(rng.uniform(0.15, 0.85)))
+        if rng.random() < TINT_SHARE:
+            maps = tinted(maps, rng)
+        return scale_maps(maps, cls, rng)
 
 
 @dataclass

@@ -74,9 +74,11 @@ class Pool:
     def __len__(self) -> int:
         return len(self.levels)
 
-    def draw(self, rng: np.random.Generator, size: int) -> tuple[Tensor, int]:
-        """A random crop (7,size,size) float (linear albedo, unit normal, roughness), and its class."""
-        i = int(rng.choice(len(self), p=self.weight))
+    def draw(self, rng: np.random.Generator, size: int, cls: int | None = None) -> tuple[Tensor, int]:
+        """A random crop (7,size,size) float (linear albedo, unit normal, roughness), and its class; of class `cls` if
+        one is given and there is a material of it."""
+        of_class = np.flatnonzero(self.classes == cls)
+        i = int(rng.choice(of_class)) if len(of_class) else int(rng.choice(len(self), p=self.weight))
         scale = float(rng.choice(CROP_SCALES, p=CROP_SHARES)) * float(rng.uniform(0.85, 1.15))
         turn = int(rng.integers(8))
         flip = bool(rng.integers(2))
@@ -152,6 +154,26 @@ def scale_maps(x: Tensor, cls: int, rng: np.random.Generator) -> Tensor:
     n = n / n.square().sum(dim=0, keepdim=True).sqrt()
     rough = (x[6:] * max(float(rng.normal(1.0, 0.2)), 0.2)).clamp(0.02, 1)
     return torch.cat((albedo, n, rough))
+
+
+#: Standard deviation of the logarithm of a tint's factors.
+TINT = 0.1
+
+
+def tinted(x: Tensor, rng: np.random.Generator) -> Tensor:
+    """Maps whose albedo's R, G and B each got a random factor, so that few materials have many colours."""
+    factors = torch.tensor(np.exp(rng.normal(size=3) * TINT), dtype=torch.float32)
+    return torch.cat(((x[:3] * factors[:, None, None]).clamp(0, 1), x[3:]))
+
+
+def blended(a: Tensor, b: Tensor, t: float) -> Tensor:
+    """Maps between two materials' (Deschaintre et al. 2018, "Data augmentation"): 0 is `a`, 1 is `b`; of normals the
+    slopes are blended."""
+    x = a + t * (b - a)
+    slope = [m[3:5] / m[5:6].clamp_min(0.05) for m in (a, b)]
+    slope = slope[0] + t * (slope[1] - slope[0])
+    n = torch.cat((slope, torch.ones_like(slope[:1])))
+    return torch.cat((x[:3], n / n.square().sum(dim=0, keepdim=True).sqrt(), x[6:]))
 
 
 Draw = Callable[[np.random.Generator, int], tuple[Tensor, int]]
