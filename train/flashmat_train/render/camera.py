@@ -27,6 +27,7 @@ class CameraNoise:
     calibration: float = 0.03  # error of a known exposure
     white_balance: float = 0.04
     vignette: float = 0.2  # darkening of the corner, at most, that the phone's own correction leaves
+    known_vignette: float = 0.06  # the same where the exposure is known: such photos are processed with more care
     contrast: float = (
         0.5  # strength of an S-shaped tone curve, at most; half of the photos of unknown exposure have one
     )
@@ -34,7 +35,7 @@ class CameraNoise:
     shot: float = 0.02  # noise at white, at most (linear)
     read: float = 0.004  # noise at black, at most (linear)
     jpeg: float = 0.15  # share of photos that went through JPEG
-    plain: float = 0.15  # share of photos with none of these but 8-bit rounding; their exposure is known and 1
+    plain: float = 0.25  # share of photos with none of these but 8-bit rounding; their exposure is known and 1
 
 
 def photograph(radiance: Tensor, rng: np.random.Generator, c: CameraNoise) -> tuple[Tensor, Tensor]:
@@ -63,7 +64,8 @@ def photograph(radiance: Tensor, rng: np.random.Generator, c: CameraNoise) -> tu
     x = x * ((aim / mean) ** pull)[:, None, None, None]
     line = torch.linspace(-1, 1, n, device=dev)
     r2 = (line[:, None] ** 2 + line[None, :] ** 2) / 2
-    x = x * (1 - (on * uniform(b) * c.vignette)[:, None, None, None] * r2)
+    corner = torch.where(known > 0, c.known_vignette, c.vignette)
+    x = x * (1 - (on * uniform(b) * corner)[:, None, None, None] * r2)
     x = _blur(x, on * uniform(b) * c.blur * torch.tensor(rng.random(b) < 0.5, device=dev))
     shot, read = on * uniform(b) * c.shot, on * uniform(b) * c.read
     seed = int(rng.integers(2**62))
