@@ -119,6 +119,7 @@ def equalise(network: Network, photos: list[Tensor]) -> None:
     again in the layers that read it. The factor sqrt(range / weight) gives both the same share of their codes
     (Nagel et al., "Data-Free Quantization through Weight Equalization and Bias Correction", ICCV 2019).
     """
+    network.room = None  # only training asks it, and the factors would have to be taken out of it too
     named = blocks(network)
     tops = {name: torch.zeros(block.conv.out_channels) for name, block in named.items()}
 
@@ -226,6 +227,8 @@ def run(args: argparse.Namespace) -> None:
     network = Network(NetworkConfig.fromdict(state["config"]))
     network.load_state_dict(state["ema"])
     photos = calibration_photos(args.data, args.photos, args.size)
+    if top := state.get("top_size", 0):
+        photos += calibration_photos(args.data, max(1, args.photos // 4), top)
     for _ in range(3):  # each layer's factors change its neighbours' balance
         equalise(network, photos)
     ranges = calibrate(network, photos)
@@ -242,6 +245,7 @@ def run(args: argparse.Namespace) -> None:
     card = args.card.read_text() if args.card else ""
     args.out.parent.mkdir(parents=True, exist_ok=True)
     model = build(network, ranges, meta, card, crf)
+    model.defaults = modelfile.Defaults(base_size=state.get("size", 128), top_size=state.get("top_size", 0))
     if not args.float:
         for layer in model.graph.layers:
             if isinstance(layer, modelfile.Conv):

@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import struct
 import zlib
-from dataclasses import dataclass, field
+from dataclasses import astuple, dataclass, field
 from itertools import pairwise
 from os import PathLike
 from pathlib import Path
@@ -147,6 +147,7 @@ class Defaults:
     light_strength: float = 1.0  # radiance of a flat white Lambertian at the centre
     exposure: float = 1.0  # scale from radiance to the network's linear input
     base_size: int = 128  # pixels a side of the training photos: larger ones are seen at this size first; 0: no limit
+    top_size: int = 0  # of the largest training photos beside those; 0: none
 
 
 @dataclass
@@ -352,14 +353,7 @@ def model_bytes(model: Model) -> bytes:
         "WGT8": bytes(work["WGT8"].data),
         "PARM": bytes(work["PARM"].data),
         "CRFC": crf.astype("<f4").tobytes(),
-        "DFLT": struct.pack(
-            "<4fI",
-            defaults.fov_deg,
-            defaults.light_distance,
-            defaults.light_strength,
-            defaults.exposure,
-            defaults.base_size,
-        ),
+        "DFLT": struct.pack("<4f2I", *astuple(defaults))[: 24 if defaults.top_size else 20],
         "CARD": model.card.encode(),
     }
     if work["WGTF"].data:
@@ -469,6 +463,6 @@ def parse_model(data: bytes) -> Model:
         json.loads(sections["META"]),
         Graph(tensors, layers, tensors[input_id].name, tensors[logits_id].name),
         _floats(sections["CRFC"], 0, (8, CRF_COEFFICIENTS)),
-        Defaults(*struct.unpack("<4fI", sections["DFLT"])),
+        Defaults(*struct.unpack("<4f2I", sections["DFLT"].ljust(24, b"\0"))),
         sections["CARD"].decode(),
     )

@@ -36,8 +36,8 @@ def test_equalisation_keeps_the_function_and_evens_the_ranges() -> None:
     equalise(balanced, [photo])
     with torch.no_grad():
         after = balanced(photo)
-    for name, values in before.items():
-        assert torch.allclose(values, after[name], atol=2e-5), name
+    for name, values in after.items():
+        assert torch.allclose(values, before[name], atol=2e-5), name
 
     def spread(r: torch.Tensor) -> float:
         live = r[r > 1e-4]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -40,6 +41,9 @@ def test_model_round_trip(tmp_path: Path) -> None:
     again = read_model(path)
     assert again.meta == model.meta and again.card == model.card
     assert again.defaults.fov_deg == pytest.approx(model.defaults.fov_deg)
+    assert (again.defaults.base_size, again.defaults.top_size) == (model.defaults.base_size, 0)
+    model.defaults = replace(model.defaults, top_size=256)
+    assert parse_model(model_bytes(model)).defaults.top_size == 256
     assert [vars(t) for t in again.graph.tensors] == [
         vars(t) | {"scale": float(np.float32(t.scale))} for t in model.graph.tensors
     ]

@@ -83,6 +83,9 @@ pub struct Defaults {
     /// Pixels per side that the network was trained at: larger photos are seen at this size first, at their own for
     /// the detail only (`net::scales`). 0: every size alike.
     pub base_size: u32,
+    /// Pixels per side of the largest photos that the network was trained at beside those: up to it, both looks have
+    /// an equal say in what is large. 0: none were larger.
+    pub top_size: u32,
 }
 
 /// The sections of a model file whose container rules hold.
@@ -220,7 +223,7 @@ fn read_crf(section: &[u8]) -> Result<F32s<'_>, ModelError> {
 }
 
 fn read_defaults(section: &[u8]) -> Result<Defaults, ModelError> {
-    if section.len() != 20 {
+    if section.len() != 20 && section.len() != 24 {
         return Err(ModelError::SectionLength { kind: *b"DFLT" });
     }
     let mut values = [0.0; 4];
@@ -229,12 +232,13 @@ fn read_defaults(section: &[u8]) -> Result<Defaults, ModelError> {
     }
     let [fov_deg, light_distance, light_strength, exposure] = values;
     let base_size = u32_at(section, 16);
+    let top_size = if section.len() == 24 { u32_at(section, 20) } else { 0 };
     let positive = |v: f32| v.is_finite() && v > 0.0;
     if (1.0..=170.0).contains(&fov_deg)
         && [light_distance, light_strength, exposure].into_iter().all(positive)
-        && base_size as usize <= crate::frame::MAX_SIZE
+        && [base_size, top_size].into_iter().all(|size| size as usize <= crate::frame::MAX_SIZE)
     {
-        Ok(Defaults { fov_deg, light_distance, light_strength, exposure, base_size })
+        Ok(Defaults { fov_deg, light_distance, light_strength, exposure, base_size, top_size })
     } else {
         Err(ModelError::Defaults)
     }
@@ -305,5 +309,28 @@ mod tests {
             (0..8).fold(crc ^ u32::from(b), |c, _| if c & 1 == 1 { 0xEDB8_8320 ^ (c >> 1) } else { c >> 1 })
         });
         assert_eq!(crc32(&data), bytewise);
+    }
+
+    #[test]
+    fn defaults_may_end_before_the_top_size() {
+        let bytes = |base: u32, top: &[u32]| -> ([u8; 32], usize) {
+            let mut out = [0; 32];
+            let floats = [43.35_f32, 1.0, 1.0, 1.0].map(f32::to_bits);
+            let numbers = floats.iter().chain([&base]).chain(top);
+            let mut length = 0;
+            for (slot, number) in out.chunks_exact_mut(4).zip(numbers) {
+                slot.copy_from_slice(&number.to_le_bytes());
+                length += 4;
+            }
+            (out, length)
+        };
+        let read = |base: u32, top: &[u32]| {
+            let (bytes, length) = bytes(base, top);
+            read_defaults(&bytes[..length]).map(|defaults| (defaults.base_size, defaults.top_size))
+        };
+        assert_eq!(read(128, &[]), Ok((128, 0)));
+        assert_eq!(read(128, &[256]), Ok((128, 256)));
+        assert_eq!(read(128, &[8193]), Err(ModelError::Defaults));
+        assert_eq!(read(128, &[256, 0]), Err(ModelError::SectionLength { kind: *b"DFLT" }));
     }
 }

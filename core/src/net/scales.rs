@@ -5,7 +5,9 @@
 //! ([`Defaults::base_size`](super::format::Defaults)). At twice that size the same layers see a quarter of the picture
 //! each, and shading goes into the maps. So the base run (class, everything larger than a base pixel) is joined with
 //! what the full-size run adds below a base pixel, as a two-level Laplacian pyramid: albedo by ratio, normals by
-//! slope, roughness by difference. The class is what both say, for fine cloth shows its threads at full size only; so
+//! slope, roughness by difference. A network that was trained at the full size too
+//! ([`Defaults::top_size`](super::format::Defaults)) knows it all there as well: then what is large is the mean of both
+//! runs, which errs less than either (docs/experiments.md). The class is what both say, for fine cloth shows its threads at full size only; so
 //! the full-size run comes first, and the base run's heads are mixed by both. Not in the paper, whose photos all have the training size (docs/paper-notes.md).
 use super::{Classification, Model};
 use crate::arena::{Arena, bytes_for};
@@ -34,6 +36,8 @@ const FULL_SHARE: f32 = 0.8;
 pub struct Scales<E> {
     full: E,
     base: Option<E>,
+    /// Whether the network was trained at the full size too.
+    knows_full: bool,
 }
 
 impl<E: Engine> Scales<E> {
@@ -46,9 +50,10 @@ impl<E: Engine> Scales<E> {
         size: usize,
         make: impl Fn(usize) -> Result<E, Error>,
     ) -> Result<Self, Error> {
+        let knows_full = size <= model.defaults().top_size as usize;
         let base = model.defaults().base_size as usize;
         let base = if base == 0 || base >= size { None } else { Some(make(base)?) };
-        Ok(Self { full: make(size)?, base })
+        Ok(Self { full: make(size)?, base, knows_full })
     }
 }
 
@@ -101,7 +106,7 @@ impl<E: Engine> Engine for Scales<E> {
             base.infer(&small, mixing, exec, &mut scope, &mut out, &mut part)?
         };
         let smooth = scope.take::<f32>(MAPS * m * m)?;
-        join(first, smooth, m, maps, exec);
+        join(first, smooth, m, maps, self.knows_full, exec);
         Ok(classification)
     }
 }
@@ -126,8 +131,16 @@ fn maps_of(planes: &mut [f32], size: usize) -> MapsMut<'_> {
     MapsMut { size, albedo, normal, roughness }
 }
 
-/// Joins the base run's maps `first` with the detail of the full-size `maps`, in place; `smooth` is working memory.
-fn join(first: &mut [f32], smooth: &mut [f32], m: usize, maps: &mut MapsMut<'_>, exec: &dyn Executor) {
+/// Joins the base run's maps `first` with the detail of the full-size `maps`, in place; `smooth` is working memory. What
+/// is large is the base run's, or, if `both`, the mean of both runs'.
+fn join(
+    first: &mut [f32],
+    smooth: &mut [f32],
+    m: usize,
+    maps: &mut MapsMut<'_>,
+    both: bool,
+    exec: &dyn Executor,
+) {
     let n = maps.size;
     to_slopes(maps.normal, n);
     to_slopes(maps_of(first, m).normal, m);
@@ -140,6 +153,13 @@ fn join(first: &mut [f32], smooth: &mut [f32], m: usize, maps: &mut MapsMut<'_>,
     planes(maps.albedo, n, low.albedo, 3);
     planes(maps.normal, n, low.normal, 2);
     planes(maps.roughness, n, low.roughness, 1);
+    if both {
+        // The unused planes of z too: nobody reads them.
+        for (base, low) in first.iter_mut().zip(smooth.iter()) {
+            *base = (*base + low) / 2.0;
+        }
+    }
+    let low = maps_of(smooth, m);
     let high = maps_of(first, m);
     let pair = Pair { n, m };
     let parts = |c: usize| c * m * m..(c + 1) * m * m;
@@ -379,9 +399,24 @@ mod tests {
         };
         let (mut first, mut smooth, mut full) = (ramp(m), vec![0.0; MAPS * m * m], ramp(n));
         let before = full.clone();
-        join(&mut first, &mut smooth, m, &mut maps_of(&mut full, n), &Inline);
+        join(&mut first, &mut smooth, m, &mut maps_of(&mut full, n), false, &Inline);
         for (i, (a, b)) in full.iter().zip(&before).enumerate() {
             assert!((a - b).abs() < 1e-5, "value {i}: {a} for {b}");
+        }
+    }
+
+    #[test]
+    fn both_runs_have_an_equal_say_where_the_network_knows_both_sizes() {
+        let (n, m) = (16, 8);
+        let constant = |size: usize, albedo: f32, slope: f32, roughness: f32| -> Vec<f32> {
+            let z = 1.0 / (slope * slope + 1.0).sqrt();
+            let planes = [albedo, albedo, albedo, slope * z, 0.0, z, roughness];
+            planes.iter().flat_map(|v| vec![*v; size * size]).collect()
+        };
+        let (mut first, mut full) = (constant(m, 0.4, 0.0, 0.3), constant(n, 0.2, 0.5, 0.9));
+        join(&mut first, &mut vec![0.0; MAPS * m * m], m, &mut maps_of(&mut full, n), true, &Inline);
+        for (i, (is, want)) in full.iter().zip(constant(n, 0.3, 0.25, 0.6)).enumerate() {
+            assert!((is - want).abs() < 1e-6, "value {i}: {is} for {want}");
         }
     }
 
@@ -397,7 +432,7 @@ mod tests {
         let mut first = [vec![0.4; 3 * m * m], flat, vec![0.3; m * m]].concat();
         let mut smooth = vec![0.0; MAPS * m * m];
         let mut maps = maps_of(&mut full, n);
-        join(&mut first, &mut smooth, m, &mut maps, &Inline);
+        join(&mut first, &mut smooth, m, &mut maps, false, &Inline);
         for i in 0..n * n {
             let ratio = (0.2 * check(i) + ALBEDO_FLOOR) / (0.2 + ALBEDO_FLOOR);
             let expected = (0.4 + ALBEDO_FLOOR) * ratio - ALBEDO_FLOOR;

@@ -178,6 +178,8 @@ class Trainer:
             "samples": self.before + step * args.batch * self.place.world,
             "before": self.before,
             "config": self.network.config.asdict(),
+            "size": args.size,
+            "top_size": 2 * args.size if args.large_every else 0,
             "seconds": seconds,
         }
         checkpoint.save(state, self.path, args.split_checkpoint)
