@@ -23,7 +23,7 @@ class LossWeights:
     albedo: float = 1.0
     albedo_scaled: float = 2.0  # the same after each albedo's best scale: its structure, whatever its brightness
     unknown: float = 0.25  # share of `albedo` where the exposure is not known: brightness is then a guess
-    albedo_l1: float = 0.25  # L1 on gamma-encoded albedo: dark materials count as the eye sees them
+    albedo_l1: float = 0.5  # L1 on gamma-encoded albedo: dark materials count as the eye sees them
     normal: float = 8.0
     roughness: float = 0.7
     render: float = 2.0
