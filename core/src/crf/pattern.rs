@@ -18,6 +18,9 @@ pub const MAX_OFFSETS: usize = 64;
 
 const LLOYD_STEPS: usize = 4;
 
+/// Offsets of a row that are worked on together.
+const RUN: usize = 16;
+
 /// One offset of the half-plane dy > 0, or dy = 0 and dx > 0; it also stands for its opposite.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Offset {
@@ -45,18 +48,28 @@ pub fn pattern(sigma: f32, samples: usize) -> Pattern {
 
 /// Calls `visit(dx, dy, weight)` for every offset until one returns false; true when all were visited.
 pub(super) fn for_each_in_half_disc(sigma: f32, mut visit: impl FnMut(i32, usize, f32) -> bool) -> bool {
+    for_each_run_in_half_disc(sigma, |_, _| (), |dx, dy, weight, (), _| visit(dx, dy, weight))
+}
+
+/// The same, with what `prepare(dx, dy)` makes of the [`RUN`] offsets from `dx` on to the right, and the offset's place in that.
+fn for_each_run_in_half_disc<T>(
+    sigma: f32,
+    mut prepare: impl FnMut(i32, usize) -> T,
+    mut visit: impl FnMut(i32, usize, f32, &T, usize) -> bool,
+) -> bool {
     let radius = (RADIUS * sigma).clamp(0.0, 4096.0);
     let reach = floorf(radius) as i32;
     for dy in 0..=reach {
-        for dx in -reach..=reach {
-            if dy == 0 && dx <= 0 {
-                continue;
-            }
-            let squared = (dx * dx + dy * dy) as f32;
-            if squared <= radius * radius {
-                let weight = expf(-squared / (2.0 * sigma * sigma));
-                if !visit(dx, dy.unsigned_abs() as usize, weight) {
-                    return false;
+        let row = if dy == 0 { 1 } else { -reach };
+        for start in (row..=reach).step_by(RUN) {
+            let run = prepare(start, dy.unsigned_abs() as usize);
+            for (place, dx) in (start..=reach).take(RUN).enumerate() {
+                let squared = (dx * dx + dy * dy) as f32;
+                if squared <= radius * radius {
+                    let weight = expf(-squared / (2.0 * sigma * sigma));
+                    if !visit(dx, dy.unsigned_abs() as usize, weight, &run, place) {
+                        return false;
+                    }
                 }
             }
         }
@@ -68,8 +81,10 @@ fn sampled(sigma: f32, samples: usize) -> Pattern {
     let mut points: Vec<(f32, f32), MAX_OFFSETS> = spiral(sigma, samples);
     for _ in 0..LLOYD_STEPS {
         let mut sums = [(0.0_f32, 0.0_f32, 0.0_f32); MAX_OFFSETS];
-        for_each_in_half_disc(sigma, |dx, dy, weight| {
-            let (k, sign) = nearest(&points, dx as f32, dy as f32);
+        let nearest = |dx, dy| nearest(&points, dx, dy);
+        for_each_run_in_half_disc(sigma, nearest, |dx, dy, weight, nearest, place| {
+            let k = (nearest[place % RUN] / 2) as usize;
+            let sign = if nearest[place % RUN] % 2 == 0 { 1.0 } else { -1.0 };
             if let Some(sum) = sums.get_mut(k) {
                 sum.0 += weight * sign * dx as f32;
                 sum.1 += weight * sign * dy as f32;
@@ -97,9 +112,9 @@ fn sampled(sigma: f32, samples: usize) -> Pattern {
     for offset in &pattern {
         let _ = points.push((offset.dx as f32, offset.dy as f32));
     }
-    for_each_in_half_disc(sigma, |dx, dy, weight| {
-        let (k, _) = nearest(&points, dx as f32, dy as f32);
-        if let Some(offset) = pattern.get_mut(k) {
+    let nearest = |dx, dy| nearest(&points, dx, dy);
+    for_each_run_in_half_disc(sigma, nearest, |_, _, weight, nearest, place| {
+        if let Some(offset) = pattern.get_mut((nearest[place % RUN] / 2) as usize) {
             offset.weight += weight;
         }
         true
@@ -122,17 +137,22 @@ fn spiral(sigma: f32, samples: usize) -> Vec<(f32, f32), MAX_OFFSETS> {
     points
 }
 
-/// The nearest of the points and their opposites: its index and sign. The first of equals.
-fn nearest(points: &[(f32, f32)], x: f32, y: f32) -> (usize, f32) {
-    let (mut best, mut found) = (f32::INFINITY, (0, 1.0));
-    for (k, &(px, py)) in points.iter().enumerate() {
-        let (minus, plus) =
-            ((x - px) * (x - px) + (y - py) * (y - py), (x + px) * (x + px) + (y + py) * (y + py));
-        if minus < best {
-            (best, found) = (minus, (k, 1.0));
-        }
-        if plus < best {
-            (best, found) = (plus, (k, -1.0));
+/// For offsets (`dx`, `dy`), (`dx` + 1, `dy`) … the nearest of the points and their opposites, the first of equals: twice its
+/// index, and 1 more for an opposite.
+fn nearest(points: &[(f32, f32)], dx: i32, dy: usize) -> [u32; RUN] {
+    let y = dy as f32;
+    let x: [f32; RUN] = core::array::from_fn(|place| (dx + place as i32) as f32);
+    let (mut best, mut found) = ([f32::INFINITY; RUN], [0; RUN]);
+    for (k, &(px, py)) in (0..).zip(points) {
+        let (minus_y, plus_y) = ((y - py) * (y - py), (y + py) * (y + py));
+        for i in 0..RUN {
+            let minus = (x[i] - px) * (x[i] - px) + minus_y;
+            let plus = (x[i] + px) * (x[i] + px) + plus_y;
+            let distance = if plus < minus { plus } else { minus };
+            // Masks: of a choice LLVM makes a branch.
+            let nearer = u32::from(distance < best[i]).wrapping_neg();
+            best[i] = if distance < best[i] { distance } else { best[i] };
+            found[i] = (found[i] & !nearer) | ((2 * k + u32::from(plus < minus)) & nearer);
         }
     }
     found
