@@ -3,7 +3,7 @@
 //!
 //! Widths are those of the paper's table in "Details of Continuous DCRFs"; positions in [-1,1].
 use crate::exec::{Executor, Plane, ROWS_PER_BLOCK as ROWS, for_each_row_block, planes3};
-use crate::math::sqrtf;
+use crate::maps::plane_row;
 
 /// kappa_1 of the albedo and the roughness: positions.
 pub const SIGMA_SPATIAL: f32 = 0.04;
@@ -38,16 +38,25 @@ pub fn scaled(planes: &[f32], size: usize, sigma: f32, exec: &dyn Executor, out:
 
 /// The photo's colour without its brightness: I / |I|, 3 planes. Black and near black tend to (0, 0, 0).
 pub fn normalised_colour(rgb: &[f32], size: usize, sigma: f32, exec: &dyn Executor, out: &mut [f32]) {
-    let n2 = size * size;
     let scale = 0.5 / sigma;
     for_each_row_block(exec, size, ROWS, planes3(out, size, size), &|rows, [mut r, mut g, mut b]| {
-        let from = |plane: usize| rgb.get(plane * n2 + rows.start * size..).unwrap_or(&[]);
-        let pixels = from(0).iter().zip(from(1)).zip(from(2));
-        let outs = r.values().iter_mut().zip(g.values()).zip(b.values());
-        for (((&r, &g), &b), ((out_r, out_g), out_b)) in pixels.zip(outs) {
-            let factor = scale / sqrtf(r * r + g * g + b * b + DARK * DARK);
-            (*out_r, *out_g, *out_b) = (factor * r, factor * g, factor * b);
-        }
+        exec.simd().run(
+            #[inline(always)]
+            || {
+                for (y, ((out_r, out_g), out_b)) in rows.clone().zip(r.rows().zip(g.rows()).zip(b.rows())) {
+                    let [r, g, b] = [0, 1, 2].map(|plane| plane_row(rgb, size, plane * size + y));
+                    for (((square, r), g), b) in out_r.iter_mut().zip(r).zip(g).zip(b) {
+                        *square = r * r + g * g + b * b + DARK * DARK;
+                    }
+                    exec.simd().sqrt(out_r);
+                    let outs = out_r.iter_mut().zip(out_g).zip(out_b);
+                    for (((r, g), b), ((out_r, out_g), out_b)) in r.iter().zip(g).zip(b).zip(outs) {
+                        let factor = scale / *out_r;
+                        (*out_r, *out_g, *out_b) = (factor * r, factor * g, factor * b);
+                    }
+                }
+            },
+        );
     });
 }
 

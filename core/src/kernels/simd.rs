@@ -64,6 +64,21 @@ impl Simd {
         }
     }
 
+    /// Replaces `values` by their square roots, rounded as IEEE 754 and `libm` round them. `core` has no root, and `libm`'s do not
+    /// vectorise.
+    pub(crate) fn sqrt(self, values: &mut [f32]) {
+        #[cfg(target_arch = "x86_64")]
+        match self.0 {
+            Width::Baseline => super::x86_64::sqrt::sse2(values),
+            // SAFETY: as in `run`.
+            Width::Avx2 => unsafe { super::x86_64::sqrt::avx2(values) },
+            // SAFETY: as in `run`.
+            Width::Avx512 | Width::Avx512Vbmi => unsafe { super::x86_64::sqrt::avx512(values) },
+        }
+        #[cfg(not(target_arch = "x86_64"))]
+        values.iter_mut().for_each(|value| *value = crate::math::sqrtf(*value));
+    }
+
     /// Whether the CPU has AVX-512 F, BW, VL, VNNI and VBMI: tables of bytes can be looked up in registers.
     pub(crate) fn has_byte_tables(self) -> bool {
         #[cfg(target_arch = "x86_64")]
@@ -137,6 +152,27 @@ mod tests {
             }
         }
         assert!(checked > 0 && Simd::for_level(Level::Scalar) == Ok(Simd::BASELINE));
+    }
+
+    /// `libm`'s root, which is the correctly rounded one, for lengths at and between those of registers.
+    #[test]
+    fn roots_are_rounded_correctly() {
+        let special =
+            [0.0, -0.0, f32::MIN_POSITIVE, f32::from_bits(1), f32::MAX, f32::INFINITY, -1.0, f32::NAN];
+        let bits = (0..20_000_u32).map(|i| f32::from_bits(i.wrapping_mul(2_654_435_761) >> 1));
+        let all: Vec<f32> = special.into_iter().chain(bits).collect();
+        for level in Level::ALL {
+            let simd = Simd::for_level(level).unwrap_or(Simd::BASELINE);
+            for len in (0..70).chain([all.len()]) {
+                let mut found = all[..len].to_vec();
+                simd.sqrt(&mut found);
+                for (found, value) in found.iter().zip(&all) {
+                    let root = crate::math::sqrtf(*value);
+                    let same = found.to_bits() == root.to_bits() || (found.is_nan() && root.is_nan());
+                    assert!(same, "{} {value:e}: {found:e} {root:e}", level.name());
+                }
+            }
+        }
     }
 
     #[test]

@@ -10,7 +10,6 @@ use crate::Error;
 use crate::arena::{Arena, bytes_for};
 use crate::exec::{Executor, Plane, for_each_row};
 use crate::maps::plane_row;
-use crate::math::sqrtf;
 use blur::Blur;
 
 /// The Laplacian of the normalised blur: L x = rho x - s G (s x), with s = 1/sqrt(G 1) and rho = s G s.
@@ -52,7 +51,16 @@ impl<'a> Spatial<'a> {
         row_sum.fill(1.0);
         blur.spread([&*row_sum, &*scale], 0.0, a, b, exec);
         blur.read(a, scale, exec);
-        scale.iter_mut().for_each(|scale| *scale = 1.0 / sqrtf(*scale));
+        for_each_row(
+            exec,
+            size,
+            Plane::new(scale, size),
+            #[inline(always)]
+            |_, scale| {
+                exec.simd().sqrt(scale);
+                scale.iter_mut().for_each(|root| *root = 1.0 / *root);
+            },
+        );
         blur.spread([&*row_sum, &*scale], 0.0, a, b, exec);
         blur.read(a, row_sum, exec);
         row_sum.iter_mut().zip(&*scale).for_each(|(sum, scale)| *sum *= scale);
