@@ -2,7 +2,6 @@
 use super::codes::{add_squares, affinity_row, merge_one, merge_two};
 use super::{Kernel, Pairs};
 use crate::exec::{Executor, Plane, ROWS_PER_BLOCK, for_each_row, for_each_row_block};
-use crate::math::sqrtf;
 
 impl Pairs<'_> {
     /// First pass: the square root of every kernel's feature part, in 8 bits, one kernel per byte.
@@ -21,11 +20,19 @@ impl Pairs<'_> {
                 pad.fill(0);
                 let lines = lines.chunks_exact_mut(shape.size);
                 for ((k, offset), codes) in shape.pattern.iter().enumerate().zip(lines) {
-                    codes.fill(0);
-                    let Some(line) = shape.forward(k, offset, y) else { continue };
-                    let Some(inside) = codes.get_mut(line.columns.clone()) else { continue };
-                    for (shift, kernel) in [0, 8].into_iter().zip(kernels) {
-                        affinity_row(kernel.features, shape.size, &line, y, shift, inside);
+                    let Some(line) = shape.forward(k, offset, y) else {
+                        codes.fill(0);
+                        continue;
+                    };
+                    // From the first column on, in the last row not to the end.
+                    let (inside, beyond) = codes.split_at_mut(line.columns.end.min(shape.size));
+                    beyond.fill(0);
+                    match kernels {
+                        [first, ..] => affinity_row::<false>(first.features, shape.size, &line, y, inside),
+                        [] => inside.fill(0),
+                    }
+                    if let [_, second, ..] = kernels {
+                        affinity_row::<true>(second.features, shape.size, &line, y, inside);
                     }
                     let shift = offset.dx.unsigned_abs() as usize;
                     let outside = if offset.dx > 0 { shape.size - shift..shape.size } else { 0..shift };
@@ -51,6 +58,7 @@ impl Pairs<'_> {
                         second.fill(if two { 65025.0 } else { 1.0 });
                         self.shape.for_each_line(
                             y,
+                            self.weights,
                             #[inline(always)]
                             |line, offset| {
                                 let Some(codes) = line.weights(self.weights, line.columns.clone()) else {
@@ -62,8 +70,9 @@ impl Pairs<'_> {
                                 }
                             },
                         );
-                        for sum in first.iter_mut().chain(second.iter_mut()) {
-                            *sum = 1.0 / sqrtf(*sum);
+                        for sums in [&mut *first, second] {
+                            exec.simd().sqrt(sums);
+                            sums.iter_mut().for_each(|root| *root = 1.0 / *root);
                         }
                     }
                 },

@@ -6,21 +6,80 @@ use core::ops::Range;
 /// Pixels of a line that are worked on together.
 const TILE: usize = 128;
 
-/// Adds the codes of exp(-|f_i - f_j|²) = sqrt(K) of one line, shifted to their byte, to `codes`.
+/// Sets the lower bytes of `codes` (and the upper ones to 0), or the upper ones, to the codes of exp(-|f_i - f_j|²) = sqrt(K)
+/// of one line.
 #[inline(always)]
-pub(super) fn affinity_row(
+pub(super) fn affinity_row<const UPPER: bool>(
     features: &[f32],
     size: usize,
     line: &Line,
     y: usize,
-    shift: u32,
     codes: &mut [u16],
+) {
+    match features.len() / (size * size).max(1) {
+        2 => affinity_planes::<UPPER, 2>(features, size, line, y, codes),
+        3 => affinity_planes::<UPPER, 3>(features, size, line, y, codes),
+        _ => affinity_rest::<UPPER>(features, size, line, y, codes, 0),
+    }
+}
+
+/// The same for `P` planes, whose distances then never leave the registers.
+#[inline(always)]
+fn affinity_planes<const UPPER: bool, const P: usize>(
+    features: &[f32],
+    size: usize,
+    line: &Line,
+    y: usize,
+    codes: &mut [u16],
+) {
+    let empty: (&[f32], &[f32]) = (&[], &[]);
+    let plane = |p: usize| features.get(p * size * size..(p + 1) * size * size).unwrap_or(&[]);
+    let pairs: [_; P] = core::array::from_fn(
+        #[inline(always)]
+        |p| line.pair(plane(p), size, y).unwrap_or(empty),
+    );
+    let (tiles, rest) = codes.as_chunks_mut::<TILE>();
+    let done = tiles.len() * TILE;
+    for (tile, codes) in tiles.iter_mut().enumerate() {
+        let pairs = pairs.map(
+            #[inline(always)]
+            |(own, other)| (run_at(own, tile * TILE), run_at(other, tile * TILE)),
+        );
+        for i in 0..TILE {
+            let mut distance = 0.0;
+            for (own, other) in pairs {
+                let d = own[i] - other[i];
+                distance += d * d;
+            }
+            codes[i] = with_code::<UPPER>(codes[i], distance);
+        }
+    }
+    if !rest.is_empty() {
+        affinity_rest::<UPPER>(features, size, line, y, rest, done);
+    }
+}
+
+/// The run of `values` that starts at `start`; zeros if they end before it does.
+#[inline(always)]
+fn run_at(values: &[f32], start: usize) -> &[f32; TILE] {
+    values.get(start..).and_then(<[f32]>::first_chunk).unwrap_or(&[0.0; TILE])
+}
+
+/// The same for any planes, from column `start` on.
+#[inline(always)]
+fn affinity_rest<const UPPER: bool>(
+    features: &[f32],
+    size: usize,
+    line: &Line,
+    y: usize,
+    codes: &mut [u16],
+    start: usize,
 ) {
     for (tile, codes) in codes.chunks_mut(TILE).enumerate() {
         let mut distance = [0.0_f32; TILE];
         for plane in features.chunks_exact(size * size) {
             let Some((own, other)) = line.pair(plane, size, y) else { continue };
-            let columns = tile * TILE..tile * TILE + codes.len();
+            let columns = start + tile * TILE..start + tile * TILE + codes.len();
             let (Some(own), Some(other)) = (own.get(columns.clone()), other.get(columns)) else { continue };
             for ((sum, a), b) in distance.iter_mut().zip(own).zip(other) {
                 let d = a - b;
@@ -28,11 +87,17 @@ pub(super) fn affinity_row(
             }
         }
         for (code, &d) in codes.iter_mut().zip(&distance) {
-            // Adding 2^23 rounds to the nearest integer and leaves it in the lowest bits.
-            let byte = (exp_minus(d) * 255.0 + 8_388_608.0).to_bits() & 0xff;
-            *code |= (byte << shift) as u16;
+            *code = with_code::<UPPER>(*code, d);
         }
     }
+}
+
+/// `code` with the code of a distance in its upper byte; or that alone, in the lower one.
+#[inline(always)]
+fn with_code<const UPPER: bool>(code: u16, distance: f32) -> u16 {
+    // Adding 2^23 rounds to the nearest integer and leaves it in the lowest bits.
+    let byte = (exp_minus(distance) * 255.0 + 8_388_608.0).to_bits() & 0xff;
+    if UPPER { code | (byte << 8) as u16 } else { byte as u16 }
 }
 
 /// Adds weight code² to the sums of `columns`.

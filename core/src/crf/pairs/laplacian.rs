@@ -5,7 +5,6 @@
 use super::Pairs;
 use super::codes::decode;
 use super::layout::{Line, part};
-use crate::kernels::prefetch;
 use core::ops::Range;
 
 /// Pixels of a row that are worked on together; [`WIDE`] where the size is a multiple of that.
@@ -41,7 +40,6 @@ impl Pairs<'_> {
         out: [&mut [f32]; C],
     ) {
         let size = self.shape.size;
-        let row_len = self.shape.row_len() as isize;
         let mut out = out;
         for start in (0..size).step_by(T) {
             let tile = start..size.min(start + T);
@@ -54,8 +52,7 @@ impl Pairs<'_> {
             for (k, offset) in self.shape.pattern.iter().enumerate() {
                 let forward = self.shape.forward(k, offset, y).map(|line| {
                     if start == 0 {
-                        // The next row's, which nothing has read for a whole step.
-                        prefetch(part(self.weights, line.weights + row_len, 0..size).unwrap_or(&[]));
+                        line.prefetch_below(&self.shape, self.weights);
                     }
                     Edges::of(&line, self.weights, x, tile.clone())
                 });

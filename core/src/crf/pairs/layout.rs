@@ -1,5 +1,6 @@
 //! Where a graph's weights lie, and which pixels they join: see "Storage" in the [module](super).
 use super::super::pattern::{Offset, Pattern};
+use crate::kernels::prefetch;
 use core::ops::Range;
 
 /// The edges of one row along one offset or its opposite.
@@ -22,6 +23,13 @@ impl Line {
     #[inline(always)]
     pub(super) fn weights<'w>(&self, weights: &'w [u16], columns: Range<usize>) -> Option<&'w [u16]> {
         part(weights, self.weights, columns)
+    }
+
+    /// Asks for the weights of the next row along the same offset, which a pass has not read yet.
+    #[inline(always)]
+    pub(super) fn prefetch_below(&self, shape: &Shape, weights: &[u16]) {
+        let start = self.weights + shape.row_len() as isize;
+        prefetch(part(weights, start, 0..shape.size).unwrap_or(&[]));
     }
 
     /// The values of row `y` and of their partners.
@@ -95,11 +103,12 @@ impl Shape {
         })
     }
 
-    /// Visits all lines of row `y`, both directions.
+    /// Visits all lines of row `y`, both directions, and asks for the `weights` of the next row.
     #[inline(always)]
-    pub(super) fn for_each_line(&self, y: usize, mut visit: impl FnMut(&Line, &Offset)) {
+    pub(super) fn for_each_line(&self, y: usize, weights: &[u16], mut visit: impl FnMut(&Line, &Offset)) {
         for (k, offset) in self.pattern.iter().enumerate() {
             if let Some(line) = self.forward(k, offset, y) {
+                line.prefetch_below(self, weights);
                 visit(&line, offset);
             }
             if let Some(line) = self.backward(k, offset, y) {

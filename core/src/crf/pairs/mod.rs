@@ -98,6 +98,7 @@ impl<'a> Pairs<'a> {
             |y, row| {
                 self.shape.for_each_line(
                     y,
+                    self.weights,
                     #[inline(always)]
                     |line, _| {
                         let Some(weights) = line.weights(self.weights, line.columns.clone()) else { return };
