@@ -6,7 +6,7 @@ use super::{Encoding, MAX_SIDE, yuv};
 use crate::Error;
 use crate::arena::Arena;
 use crate::exec::Executor;
-use crate::kernels::{ByteTable, Simd};
+use crate::kernels::{AHEAD, ByteTable, Simd, prefetch};
 use core::ops::Range;
 
 /// 8-bit codes from here on count as clipped.
@@ -234,6 +234,13 @@ impl<const STEP: usize> Source for Bytes<'_, STEP> {
         let data = from_row(self.data, self.stride, rows.start).get(STEP * start..).unwrap_or(&[]);
         if !self.bytes.column_sums(data, (rows.len(), self.stride), sums, simd) {
             sums.fill(0);
+        }
+    }
+
+    fn prefetch(&self, rows: Range<usize>, start: usize) {
+        for y in rows {
+            let row = from_row(self.data, self.stride, y);
+            prefetch(row.get(STEP * start..STEP * start + AHEAD).unwrap_or(&[]));
         }
     }
 }

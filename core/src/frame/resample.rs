@@ -61,6 +61,9 @@ pub(super) trait Source: Sync {
     /// Sets `sums` to the sums of [`fixed`] over `rows`, one for each value from pixel `start` on; what is clipped may be marked
     /// once for all rows. Nothing that is outside may be asked for.
     fn add_up_columns(&self, _rows: Range<usize>, _start: usize, _sums: &mut [u64], _simd: Simd) {}
+
+    /// Asks for the pixels at `start` of `rows`, which will be added up soon.
+    fn prefetch(&self, _rows: Range<usize>, _start: usize) {}
 }
 
 /// A row of pixels.
@@ -343,6 +346,8 @@ impl Boxes<'_> {
                 x = next;
             }
         }
+        // What comes next in these columns: the row on the border, and about as many as these.
+        source.prefetch(rows.end..rows.end + rows.len() + 1, first);
     }
 }
 

@@ -9,6 +9,8 @@ use super::Simd;
 pub(super) const DIGITS: usize = 5;
 /// Each digit's first bit and number of bits. A pair of 7 and 8 bits shares a sum: its weights, 1 and 128, fit into bytes.
 const BITS: [(u32, u32); DIGITS] = [(0, 7), (7, 8), (15, 7), (22, 8), (30, 8)];
+/// How far ahead rows are asked for, in bytes: of their first ones nobody has asked for.
+pub(crate) const AHEAD: usize = 512;
 /// Most rows that are added up at once: sums of two digits stay below 2^31.
 const MOST_ROWS: usize = 1 << 15;
 

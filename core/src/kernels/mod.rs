@@ -25,7 +25,7 @@ mod x86_64;
 
 use crate::Error;
 use crate::net::quant::Range;
-pub(crate) use columns::ByteTable;
+pub(crate) use columns::{AHEAD, ByteTable};
 pub use level::Level;
 pub use simd::Simd;
 pub(crate) use simd::prefetch;
