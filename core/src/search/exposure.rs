@@ -19,14 +19,19 @@ const BLACK: f64 = 5e-4;
 /// [`Error::PlaneLength`], [`Error::Size`].
 pub fn check_exposure(photo: &LinearImage<'_>, exec: &dyn Executor) -> Result<(), Error> {
     photo.check()?;
-    let mean = mean(
+    let exposure = sums(
         photo,
         photo.rgb,
         exec,
         #[inline(always)]
         |p, _| [p, 1.0],
     );
-    if mean.ok_or(Error::NoUsablePixels)? < BLACK { Err(Error::PhotoBlack) } else { Ok(()) }
+    check_mean(exposure)
+}
+
+/// The sum of the photo's values and their number.
+fn check_mean(exposure: [f64; 2]) -> Result<(), Error> {
+    if mean(exposure).ok_or(Error::NoUsablePixels)? < BLACK { Err(Error::PhotoBlack) } else { Ok(()) }
 }
 
 /// The scale s for which s times `render` (3 planes, made with light strength 1) is nearest to the photo.
@@ -42,7 +47,7 @@ pub fn check_exposure(photo: &LinearImage<'_>, exec: &dyn Executor) -> Result<()
 /// [`Error::PlaneLength`], [`Error::Size`].
 pub fn light_scale(photo: &LinearImage<'_>, render: &[f32], exec: &dyn Executor) -> Result<f32, Error> {
     check_planes(photo.size, 3, render.len())?;
-    check_exposure(photo, exec)?;
+    photo.check()?;
     let mut scale = starting_scale(photo, render, exec)?;
     for _ in 0..3 {
         let [rp, rr] = sums(
@@ -71,9 +76,10 @@ pub fn light_scale(photo: &LinearImage<'_>, render: &[f32], exec: &dyn Executor)
     Ok(scale)
 }
 
-/// The geometric mean of the ratios of photo to render: a start that a few immense highlights do not move.
+/// The geometric mean of the ratios of photo to render: a start that a few immense highlights do not move. Checks the exposure
+/// in the same pass.
 fn starting_scale(photo: &LinearImage<'_>, render: &[f32], exec: &dyn Executor) -> Result<f32, Error> {
-    let log = mean(
+    let [sum, number, logs, count] = sums(
         photo,
         render,
         exec,
@@ -82,10 +88,11 @@ fn starting_scale(photo: &LinearImage<'_>, render: &[f32], exec: &dyn Executor) 
             let counts = (r > 0.0) & (r < f32::INFINITY);
             let r = if counts { r } else { 0.0 };
             let log = log2((p + 0.005) / (r + 0.005));
-            if counts { [log, 1.0] } else { [0.0; 2] }
+            if counts { [p, 1.0, log, 1.0] } else { [p, 1.0, 0.0, 0.0] }
         },
     );
-    let start = exp2(log.ok_or(Error::NoUsablePixels)? as f32);
+    check_mean([sum, number])?;
+    let start = exp2(mean([logs, count]).ok_or(Error::NoUsablePixels)? as f32);
     if start.is_finite() && start > 0.0 { Ok(start) } else { Err(Error::NoUsablePixels) }
 }
 
@@ -97,7 +104,7 @@ fn starting_scale(photo: &LinearImage<'_>, render: &[f32], exec: &dyn Executor) 
 pub fn residual(photo: &LinearImage<'_>, render: &[f32], exec: &dyn Executor) -> Result<f32, Error> {
     photo.check()?;
     check_planes(photo.size, 3, render.len())?;
-    let square = mean(
+    let squares = sums(
         photo,
         render,
         exec,
@@ -107,36 +114,28 @@ pub fn residual(photo: &LinearImage<'_>, render: &[f32], exec: &dyn Executor) ->
             [error * error, 1.0]
         },
     );
-    Ok(sqrtf(square.unwrap_or(0.0) as f32))
+    Ok(sqrtf(mean(squares).unwrap_or(0.0) as f32))
 }
 
-/// The mean of values over all channels of the pixels that are not clipped: `terms(photo, render)` gives a value and
-/// whether it counts, as 1 or 0. None when none does.
-#[inline(always)]
-fn mean(
-    photo: &LinearImage<'_>,
-    render: &[f32],
-    exec: &dyn Executor,
-    terms: impl Fn(f32, f32) -> [f32; 2] + Sync,
-) -> Option<f64> {
-    let [sum, count] = sums(photo, render, exec, terms);
+/// The mean of values, given their sum and their number; None of no values.
+fn mean([sum, count]: [f64; 2]) -> Option<f64> {
     (count > 0.0).then(|| sum / count)
 }
 
 /// The sums of `terms(photo, render)` over all channels of the pixels that are not clipped.
 #[inline(always)]
-fn sums(
+fn sums<const N: usize>(
     photo: &LinearImage<'_>,
     render: &[f32],
     exec: &dyn Executor,
-    terms: impl Fn(f32, f32) -> [f32; 2] + Sync,
-) -> [f64; 2] {
+    terms: impl Fn(f32, f32) -> [f32; N] + Sync,
+) -> [f64; N] {
     let n = photo.size;
     sum_row_blocks(exec, 0..n, ROWS_PER_BLOCK, &|rows| {
         exec.simd().run(
             #[inline(always)]
             || {
-                let mut total = [0.0_f64; 2];
+                let mut total = [0.0_f64; N];
                 for row in rows {
                     let clipped = photo.clipped.get(row * n..(row + 1) * n).unwrap_or(&[]);
                     for start in (0..n).step_by(LANES) {
@@ -144,17 +143,20 @@ fn sums(
                         for plane in 0..3 {
                             let photo = load(plane_row(photo.rgb, n, plane * n + row), start);
                             let render = load(plane_row(render, n, plane * n + row), start);
-                            let [mut first, mut second]: [Lanes; 2] = [[0.0; LANES]; 2];
+                            let mut values: [Lanes; N] = [[0.0; LANES]; N];
                             for i in 0..LANES {
-                                [first[i], second[i]] = terms(photo[i], render[i]);
+                                let terms = terms(photo[i], render[i]);
+                                for t in 0..N {
+                                    values[t][i] = terms[t];
+                                }
                             }
-                            // A loop of its own: the one above must not branch on it.
-                            for i in 0..LANES {
-                                first[i] = if free[i] > 0.0 { first[i] } else { 0.0 };
-                                second[i] = if free[i] > 0.0 { second[i] } else { 0.0 };
+                            // Loops of their own: the one above must not branch on it.
+                            for (total, values) in total.iter_mut().zip(&mut values) {
+                                for i in 0..LANES {
+                                    values[i] = if free[i] > 0.0 { values[i] } else { 0.0 };
+                                }
+                                *total += f64::from(sum(values));
                             }
-                            total[0] += f64::from(sum(&first));
-                            total[1] += f64::from(sum(&second));
                         }
                     }
                 }
