@@ -110,6 +110,7 @@ fn prepare<'s>(
 }
 
 /// Runs one head; `planes` are the map's, `side * shuffle` pixels square.
+#[inline(never)] // tests/counts counts it by its name.
 pub(super) fn run<'a>(
     head: &MixHead<'_>,
     probabilities: &ClassProbabilities,
