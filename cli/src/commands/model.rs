@@ -3,6 +3,7 @@ use super::capture::map_size;
 use super::{complain, say};
 use crate::engine::{Loaded, ModelFile};
 use crate::failure::Failure;
+use flashmat_core::net::format::Defaults;
 use flashmat_core::net::graph::{INPUT, Layer, Op, Window};
 use std::fmt::Write as _;
 use std::path::PathBuf;
@@ -66,10 +67,19 @@ fn facts(loaded: &Loaded<'_>, size: usize) -> String {
         ("engines", if model.has_float() { "int8, float" } else { "int8" }.to_owned()),
         ("work", format!("{:.3} GMAC at {size} x {size}", model.graph().macs(size) as f64 / 1e9)),
         ("sizes", format!("multiples of {}", model.graph().multiple())),
-        ("trained for", format!("field of view {:.2} degrees", defaults.fov_deg)),
+        ("trained for", format!("field of view {:.2} degrees{}", defaults.fov_deg, sizes_seen(&defaults))),
         ("meta", model.meta().split_whitespace().collect::<Vec<_>>().join(" ")),
     ];
     lines.map(|(label, value)| format!("{label:<12} {value}\n")).concat()
+}
+
+/// The sizes of the training photos, where the model says them.
+fn sizes_seen(defaults: &Defaults) -> String {
+    match (defaults.base_size, defaults.top_size) {
+        (0, _) => String::new(),
+        (base, 0) => format!(", photos of {base} x {base}"),
+        (base, top) => format!(", photos of {base} x {base} and {top} x {top}"),
+    }
 }
 
 /// One line for each layer.

@@ -7,7 +7,12 @@ const TOY: &[u8] = include_bytes!("../../../tests/golden/toy.fmat");
 
 /// The toy model with `bytes` at `at`; the checksum is made right again, so that later checks are reached.
 fn patched(at: usize, bytes: &[u8]) -> Vec<u8> {
-    let mut model = TOY.to_vec();
+    patched_in(TOY, at, bytes)
+}
+
+/// [`patched`] of another model.
+fn patched_in(model: &[u8], at: usize, bytes: &[u8]) -> Vec<u8> {
+    let mut model = model.to_vec();
     model[at..at + bytes.len()].copy_from_slice(bytes);
     let checksum = crc32(&model[64..]);
     model[24..28].copy_from_slice(&checksum.to_le_bytes());
@@ -98,4 +103,20 @@ fn the_embedded_model_is_shown_without_a_file() {
         "{}",
         stdout(&run)
     );
+}
+
+#[test]
+fn the_sizes_of_the_training_photos_are_shown() {
+    let folder = Folder::new();
+    let entry =
+        64 + 32 * TOY[64..].chunks_exact(32).position(|entry| &entry[..4] == b"DFLT").expect("section");
+    let longer = patched(entry + 16, &24_u64.to_le_bytes());
+    let sizes = |base: u32, top: u32| {
+        let numbers = [base.to_le_bytes(), top.to_le_bytes()].concat();
+        let model = folder.file("sizes.fmat", &patched_in(&longer, section(b"DFLT") + 16, &numbers));
+        stdout(&flashmat(["model"]).arg(&model).output().expect("run"))
+    };
+    assert!(sizes(0, 0).contains("43.35 degrees\n"));
+    assert!(sizes(128, 0).contains("43.35 degrees, photos of 128 x 128\n"));
+    assert!(sizes(128, 256).contains("43.35 degrees, photos of 128 x 128 and 256 x 256\n"));
 }
