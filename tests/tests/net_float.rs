@@ -74,8 +74,10 @@ fn a_file_without_float_weights_runs_too() {
             layer.db,
             if layer.feeds_head { "  (a head reads it)" } else { "" }
         );
-        // The detail's range is that of edges, and this photo is smooth.
-        let least = if layer.feeds_head && layer.name != "detail" { 30.0 } else { 20.0 };
+        // The detail's range is that of edges, the normals' that of steep relief, and this photo has little of both. What
+        // int8 costs the maps is in the model's card.
+        let wide = ["detail", "normal.dec5"].contains(&layer.name.as_str());
+        let least = if layer.feeds_head && !wide { 30.0 } else { 20.0 };
         assert!(layer.db > least, "{layer:?}");
     }
     // The three decoders' last tensors, and the detail.

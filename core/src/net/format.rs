@@ -84,7 +84,7 @@ pub struct Defaults {
     /// the detail only (`net::scales`). 0: every size alike.
     pub base_size: u32,
     /// Pixels per side of the largest photos that the network was trained at beside those: up to it, both looks have
-    /// an equal say in what is large in albedo and normals. 0: none were larger.
+    /// an equal say in the large shapes of normals. 0: none were larger.
     pub top_size: u32,
 }
 

@@ -6,9 +6,9 @@
 //! each, and shading goes into the maps. So the base run (class, everything larger than a base pixel) is joined with
 //! what the full-size run adds below a base pixel, as a two-level Laplacian pyramid: albedo by ratio, normals by
 //! slope, roughness by difference. A network that was trained at the full size too
-//! ([`Defaults::top_size`](super::format::Defaults)) knows it all there as well: then what is large in albedo and normals is
-//! the mean of both runs, which errs less than either; roughness, which the highlight's shape tells, stays the base
-//! run's (docs/experiments.md). The class is what both say, for fine cloth shows its threads at full size only; so
+//! ([`Defaults::top_size`](super::format::Defaults)) knows it all there as well: then what is large in normals is the
+//! mean of both runs, which errs less than either; albedo and roughness, which the light's falloff and the highlight's
+//! shape tell, stay the base run's (docs/experiments.md). The class is what both say, for fine cloth shows its threads at full size only; so
 //! the full-size run comes first, and the base run's heads are mixed by both. Not in the paper, whose photos all have the training size (docs/paper-notes.md).
 use super::{Classification, Model};
 use crate::arena::{Arena, bytes_for};
@@ -133,7 +133,7 @@ fn maps_of(planes: &mut [f32], size: usize) -> MapsMut<'_> {
 }
 
 /// Joins the base run's maps `first` with the detail of the full-size `maps`, in place; `smooth` is working memory. What
-/// is large is the base run's, or, if `both`, the mean of both runs' albedos and normals.
+/// is large is the base run's, of normals, if `both`, the mean of both runs'.
 fn join(
     first: &mut [f32],
     smooth: &mut [f32],
@@ -155,8 +155,10 @@ fn join(
     planes(maps.normal, n, low.normal, 2);
     planes(maps.roughness, n, low.roughness, 1);
     if both {
-        // The unused planes of z too: nobody reads them.
-        for (base, low) in first.iter_mut().zip(smooth.iter()).take((MAPS - 1) * m * m) {
+        let slopes = 3 * m * m..5 * m * m;
+        let pairs =
+            first.get_mut(slopes.clone()).into_iter().flatten().zip(smooth.get(slopes).unwrap_or(&[]));
+        for (base, low) in pairs {
             *base = (*base + low) / 2.0;
         }
     }
@@ -407,7 +409,7 @@ mod tests {
     }
 
     #[test]
-    fn both_runs_have_an_equal_say_where_the_network_knows_both_sizes() {
+    fn both_runs_have_an_equal_say_in_normals_where_the_network_knows_both_sizes() {
         let (n, m) = (16, 8);
         let constant = |size: usize, albedo: f32, slope: f32, roughness: f32| -> Vec<f32> {
             let z = 1.0 / (slope * slope + 1.0).sqrt();
@@ -416,7 +418,7 @@ mod tests {
         };
         let (mut first, mut full) = (constant(m, 0.4, 0.0, 0.3), constant(n, 0.2, 0.5, 0.9));
         join(&mut first, &mut vec![0.0; MAPS * m * m], m, &mut maps_of(&mut full, n), true, &Inline);
-        for (i, (is, want)) in full.iter().zip(constant(n, 0.3, 0.25, 0.3)).enumerate() {
+        for (i, (is, want)) in full.iter().zip(constant(n, 0.4, 0.25, 0.3)).enumerate() {
             assert!((is - want).abs() < 1e-6, "value {i}: {is} for {want}");
         }
     }
