@@ -126,24 +126,23 @@ class Network(nn.Module):
         self.encoder = nn.ModuleList(ConvBlock(a, b, config.encoder_kernel, 2) for a, b in itertools.pairwise(widths))
         self.detail = ConvBlock(INPUT_CHANNELS, config.detail, 2, 2) if config.detail else None
         self.decoders = nn.ModuleDict({name: Decoder(config, n) for name, n in HEADS.items()})
+        pooled = config.encoder[-1] + config.encoder[config.texture]
         self.classifier = nn.Sequential(
-            nn.Linear(config.encoder[-1] + config.encoder[config.texture], config.classifier),
+            nn.Linear(pooled, config.classifier),
             nn.ReLU(),
             nn.Linear(config.classifier, len(CLASSES)),
         )
-
         self.room = None
         if config.room:
-            pooled = config.encoder[-1] + config.encoder[config.texture]
             self.room = nn.Sequential(nn.Linear(pooled, config.room), nn.ReLU(), nn.Linear(config.room, 1))
 
     def encode(self, x: Tensor) -> tuple[list[Tensor], Tensor]:
-        """The features of every stage, and the class logits from the deepest."""
+        """The features of every stage, and what the classifier reads of them."""
         features = []
         for block in self.encoder:
             x = block(x)
             features.append(x)
-        return features, self.classifier(self.pooled(features))
+        return features, self.pooled(features)
 
     def pooled(self, features: list[Tensor]) -> Tensor:
         """What the classifier reads: means over space of the deepest features and of the texture stage's."""
@@ -151,16 +150,18 @@ class Network(nn.Module):
 
     def classify(self, x: Tensor) -> Tensor:
         """Class logits alone (variant `clsOnly`)."""
-        return self.encode(x)[1]
+        return self.classifier(self.encode(x)[1])
 
     def forward(self, x: Tensor) -> dict[str, Tensor]:
-        """`albedo` (B,3,n,n), `normal` (B,3,n,n) unit, `roughness` (B,1,n,n), `class_logits` (B,8)."""
-        features, logits = self.encode(x)
+        """`albedo` (B,3,n,n), `normal` (B,3,n,n) unit, `roughness` (B,1,n,n), `class_logits` (B,8); with `config.room`
+        also `room` (B,), the guess of the room's light over the flash's."""
+        features, pooled = self.encode(x)
+        logits = self.classifier(pooled)
         detail = self.detail(x) if self.detail is not None else None
         probabilities = logits.softmax(dim=1)
         raw = {name: decoder(features, detail, probabilities) for name, decoder in self.decoders.items()}
         out = {**activate(raw), "class_logits": logits}
-        return out if self.room is None else {**out, "room": self.room(self.pooled(features))[:, 0]}
+        return out if self.room is None else {**out, "room": self.room(pooled)[:, 0]}
 
 
 def activate(raw: dict[str, Tensor]) -> dict[str, Tensor]:

@@ -19,10 +19,14 @@ fn patched_in(model: &[u8], at: usize, bytes: &[u8]) -> Vec<u8> {
     model
 }
 
+/// Where a section's entry in the table starts.
+fn entry(kind: &[u8; 4]) -> usize {
+    64 + 32 * TOY[64..].chunks_exact(32).position(|entry| &entry[..4] == kind).expect("section")
+}
+
 /// Where a section starts.
 fn section(kind: &[u8; 4]) -> usize {
-    let entry = TOY[64..].chunks_exact(32).find(|entry| &entry[..4] == kind).expect("section");
-    u64::from_le_bytes(entry[8..16].try_into().expect("8 bytes")) as usize
+    u64::from_le_bytes(TOY[entry(kind) + 8..][..8].try_into().expect("8 bytes")) as usize
 }
 
 #[test]
@@ -108,9 +112,7 @@ fn the_embedded_model_is_shown_without_a_file() {
 #[test]
 fn the_sizes_of_the_training_photos_are_shown() {
     let folder = Folder::new();
-    let entry =
-        64 + 32 * TOY[64..].chunks_exact(32).position(|entry| &entry[..4] == b"DFLT").expect("section");
-    let longer = patched(entry + 16, &24_u64.to_le_bytes());
+    let longer = patched(entry(b"DFLT") + 16, &24_u64.to_le_bytes());
     let sizes = |base: u32, top: u32| {
         let numbers = [base.to_le_bytes(), top.to_le_bytes()].concat();
         let model = folder.file("sizes.fmat", &patched_in(&longer, section(b"DFLT") + 16, &numbers));
