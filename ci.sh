@@ -11,6 +11,8 @@
 set -euo pipefail
 cd "$(dirname "$0")"
 part=${1:-all}
+# Nothing here is built twice, so what incremental builds keep (gigabytes) would never be read.
+export CARGO_INCREMENTAL=${CARGO_INCREMENTAL:-0}
 started=$SECONDS
 step() { printf '\n== %s (%d s)\n' "$*" "$((SECONDS - started))"; }
 
