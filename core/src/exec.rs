@@ -8,6 +8,13 @@
 use crate::Error;
 use crate::kernels::Simd;
 use core::ops::Range;
+#[cfg(feature = "parallel")]
+use core::sync::atomic::{AtomicBool, Ordering};
+#[cfg(feature = "parallel")]
+use std::{
+    sync::Arc,
+    time::{Duration, Instant},
+};
 
 /// Rows per block that suit most stages: small enough to share out, large enough to hide the call.
 pub const ROWS_PER_BLOCK: usize = 8;
@@ -99,9 +106,48 @@ impl Executor for Pool {
     }
 
     /// On a thread of the pool: from there a join is a push on its queue, from outside it wakes a thread and waits for it,
-    /// which takes longer than the work of a small layer or of a step of the solver.
+    /// which takes longer than the work of a small layer or of a step of the solver. For the same reason the other threads
+    /// stay awake until the work is done or has had nothing for them for [`PATIENCE`], giving way to any other program that
+    /// wants their CPU.
     fn within(&self, work: &mut (dyn FnMut() + Send)) {
-        self.0.install(work);
+        if self.threads() == 1 || self.0.current_thread_index().is_some() {
+            return self.0.install(work);
+        }
+        self.0.install(|| {
+            let awake = Awake(Arc::new(AtomicBool::new(true)));
+            let (wanted, here) = (Arc::clone(&awake.0), self.0.current_thread_index());
+            self.0.spawn_broadcast(move |thread| {
+                let mut idle = Instant::now();
+                // The thread that does the work finds this too, while it waits for the other half of a join.
+                while Some(thread.index()) != here
+                    && wanted.load(Ordering::Relaxed)
+                    && idle.elapsed() < PATIENCE
+                {
+                    if rayon::yield_now() == Some(rayon::Yield::Executed) {
+                        idle = Instant::now();
+                    } else {
+                        std::thread::yield_now();
+                    }
+                }
+            });
+            work();
+        });
+    }
+}
+
+/// How long a thread stays awake without a job. It must not stay for ever: it may have been in the middle of a job of
+/// other work when it took to waiting for this one's.
+#[cfg(feature = "parallel")]
+const PATIENCE: Duration = Duration::from_millis(5);
+
+/// Lets the threads sleep again when the work is done, even if it panics.
+#[cfg(feature = "parallel")]
+struct Awake(Arc<AtomicBool>);
+
+#[cfg(feature = "parallel")]
+impl Drop for Awake {
+    fn drop(&mut self) {
+        self.0.store(false, Ordering::Relaxed);
     }
 }
 

@@ -32,6 +32,7 @@ pub mod math;
 pub mod net;
 mod observer;
 pub mod pipeline;
+mod pyramid;
 pub mod search;
 #[cfg(feature = "alloc")]
 mod session;

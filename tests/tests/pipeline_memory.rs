@@ -1,4 +1,5 @@
-//! A whole capture allocates nothing, at the training size and above it (where the network runs twice).
+//! A whole capture allocates nothing, at the training size, above it (where the network runs twice), and above
+//! the CRFs' grid.
 use flashmat_core::Silent;
 use flashmat_core::exec::Inline;
 use flashmat_core::frame::Frame;
@@ -18,7 +19,7 @@ fn a_capture_allocates_nothing() {
     let photo: Vec<u8> = (0..3 * side * side).map(|i| (60 + i * 7 % 120) as u8).collect();
     let fastest = Kernels::supported().next_back().expect("a level");
     for kernels in [Kernels::scalar(), fastest] {
-        for size in [128, 256] {
+        for size in [128, 256, 640] {
             let model = Model::from_bytes(TOY_MODEL).expect("the toy model");
             assert_eq!(model.defaults().base_size, 128);
             let pipeline = Pipeline::new(model, size, kernels).expect("a plan");

@@ -50,7 +50,7 @@ impl Energy<3> for Normal<'_> {
     }
 
     fn project(&self, map: &mut [f32]) {
-        let n2 = self.size * self.size;
+        let n2 = map.len() / 3;
         let Some((x, rest)) = map.split_at_mut_checked(n2) else { return };
         let Some((y, z)) = rest.split_at_mut_checked(n2) else { return };
         for ((x, y), z) in x.iter_mut().zip(y).zip(z) {

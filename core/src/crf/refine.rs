@@ -40,7 +40,7 @@ pub trait Energy<const N: usize> {
     fn unary_map(&self, term: usize, exec: &dyn Executor, out: &mut [f32]);
     /// The features of bilateral kernel `kernel`, each divided by twice its sigma.
     fn features(&self, kernel: usize, exec: &dyn Executor, out: &mut [f32]);
-    /// Puts the solution where maps live.
+    /// Puts the solution, or a map of any other size, where maps live.
     fn project(&self, map: &mut [f32]);
 }
 

@@ -1,5 +1,5 @@
-//! Photos larger than the network's training photos, seen twice: whole at the training size, then at full size for
-//! the detail.
+//! Photos larger than the network's training photos: seen at full size for the detail, and twice, once mirrored, at the
+//! training size.
 //!
 //! A network knows the flash's highlight, its falloff and the picture's borders at the size of its training photos
 //! ([`Defaults::base_size`](super::format::Defaults)). At twice that size the same layers see a quarter of the picture
@@ -9,15 +9,22 @@
 //! ([`Defaults::top_size`](super::format::Defaults)) knows it all there as well: then what is large in normals is the
 //! mean of both runs, which errs less than either; albedo and roughness, which the light's falloff and the highlight's
 //! shape tell, stay the base run's (docs/experiments.md). The class is what both say, for fine cloth shows its threads at full size only; so
-//! the full-size run comes first, and the base run's heads are mixed by both. Not in the paper, whose photos all have the training size (docs/paper-notes.md).
+//! the full-size run comes first, and the base run's heads are mixed by both.
+//!
+//! Flash and camera are at the centre, so a mirrored photo is a photo of the mirrored material, and what the network says of
+//! it, mirrored back, is a second opinion: the mean of both errs less than either (docs/experiments.md). The base run is
+//! the cheap one to do twice.
+//!
+//! Not in the paper, whose photos all have the training size (docs/paper-notes.md).
 use super::{Classification, Model};
 use crate::arena::{Arena, bytes_for};
-use crate::exec::{Executor, Plane, ROWS_PER_BLOCK, for_each_row_block, planes3};
+use crate::exec::{Executor, ROWS_PER_BLOCK, for_each_row_block, planes3};
 use crate::frame::LinearImage;
 use crate::maps::MapsMut;
 use crate::math::sqrtf;
 use crate::net::Mixing;
 use crate::pipeline::Engine;
+use crate::pyramid::{Pair, shrink};
 use crate::{Error, Observer, Stage};
 use core::ops::ControlFlow;
 
@@ -29,8 +36,8 @@ const MOST_DETAIL: f32 = 3.0;
 const LEAST_Z: f32 = 0.05;
 /// Planes of a set of maps.
 const MAPS: usize = 7;
-/// Share of the progress that the full-size run is.
-const FULL_SHARE: f32 = 0.8;
+/// Share of the progress that the full-size run is; the other two have equal parts of the rest.
+const FULL_SHARE: f32 = 0.7;
 
 /// An engine at the photo's size, with one at the training size where that is smaller.
 #[derive(Clone, Debug)]
@@ -97,18 +104,37 @@ impl<E: Engine> Engine for Scales<E> {
         for (small, large) in rgb.chunks_exact_mut(m * m).zip(photo.rgb.chunks_exact(n * n)) {
             shrink(large, n, m, small, exec);
         }
-        let small = LinearImage { size: m, rgb, clipped, ..*photo };
         let mut part = Part { observer, from: 0.0, share: FULL_SHARE };
         let seen = self.full.infer(photo, mixing, exec, &mut scope, maps, &mut part)?;
         let mixing = Mixing { second: Some(seen.predicted), ..mixing };
-        let mut part = Part { observer: part.observer, from: FULL_SHARE, share: 1.0 - FULL_SHARE };
-        let classification = {
-            let mut out = maps_of(first, m);
-            base.infer(&small, mixing, exec, &mut scope, &mut out, &mut part)?
+        let again = scope.take::<f32>(MAPS * m * m)?;
+        let share = (1.0 - FULL_SHARE) / 2.0;
+        let mut look = |rgb: &[f32], out: &mut [f32], from: f32| {
+            let small = LinearImage { size: m, rgb, clipped, ..*photo };
+            let mut part = Part { observer: &mut *observer, from, share };
+            base.infer(&small, mixing, exec, &mut scope.scope(), &mut maps_of(out, m), &mut part)
         };
-        let smooth = scope.take::<f32>(MAPS * m * m)?;
-        join(first, smooth, m, maps, self.knows_full, exec);
+        let upright = look(rgb, first, FULL_SHARE)?;
+        rgb.chunks_exact_mut(m).for_each(<[f32]>::reverse);
+        let mirrored = look(rgb, again, FULL_SHARE + share)?;
+        add_mirrored(first, again, m);
+        let classification = Classification {
+            predicted: upright.predicted.joined(&mirrored.predicted),
+            used: upright.used.joined(&mirrored.used),
+        };
+        join(first, again, m, maps, self.knows_full, exec);
         Ok(classification)
+    }
+}
+
+/// Sets the base run's maps to the mean of themselves and of `again`, the maps of the mirrored photo.
+fn add_mirrored(first: &mut [f32], again: &[f32], m: usize) {
+    for (plane, (first, again)) in first.chunks_exact_mut(m * m).zip(again.chunks_exact(m * m)).enumerate() {
+        // Mirroring turns the x of a normal round.
+        let sign = if plane == 3 { -1.0 } else { 1.0 };
+        for (first, again) in first.chunks_exact_mut(m).zip(again.chunks_exact(m)) {
+            first.iter_mut().zip(again.iter().rev()).for_each(|(a, b)| *a = (*a + sign * b) / 2.0);
+        }
     }
 }
 
@@ -211,131 +237,6 @@ fn to_normals(normal: &mut [f32], size: usize, exec: &dyn Executor) {
     );
 }
 
-/// Area average of an `n` x `n` plane to `m` x `m`, m <= n, exact for any ratio.
-fn shrink(large: &[f32], n: usize, m: usize, small: &mut [f32], exec: &dyn Executor) {
-    let ratio = n as f32 / m as f32;
-    for_each_row_block(exec, m, ROWS_PER_BLOCK, Plane::new(small, m), &|rows, mut out| {
-        for (row, out) in rows.zip(out.rows()) {
-            if n == 2 * m {
-                let pairs = |y: usize| large.get(y * n..(y + 1) * n).unwrap_or(&[]).as_chunks::<2>().0.iter();
-                for (out, ([a, b], [c, d])) in out.iter_mut().zip(pairs(2 * row).zip(pairs(2 * row + 1))) {
-                    *out = ((a + b) + (c + d)) / 4.0;
-                }
-                continue;
-            }
-            let vertical = Cover::new(row, ratio, n);
-            for (column, out) in out.iter_mut().enumerate() {
-                let across = Cover::new(column, ratio, n);
-                let mut sum = 0.0;
-                for y in vertical.first..vertical.end {
-                    let line = large.get(y * n + across.first..y * n + across.end).unwrap_or(&[]);
-                    let part: f32 = line.iter().zip(across.first..).map(|(v, x)| v * across.weight(x)).sum();
-                    sum += part * vertical.weight(y);
-                }
-                *out = sum / (ratio * ratio);
-            }
-        }
-    });
-}
-
-/// The source pixels under one target pixel.
-struct Cover {
-    start: f32,
-    stop: f32,
-    first: usize,
-    end: usize,
-}
-
-impl Cover {
-    fn new(target: usize, ratio: f32, n: usize) -> Self {
-        let (start, stop) = (target as f32 * ratio, (target + 1) as f32 * ratio);
-        let end = stop as usize + usize::from(stop > stop as usize as f32);
-        Self { start, stop, first: start as usize, end: end.min(n) }
-    }
-
-    /// How much of source pixel `x` is covered, in [0,1].
-    fn weight(&self, x: usize) -> f32 {
-        (self.stop.min(x as f32 + 1.0) - self.start.max(x as f32)).max(0.0)
-    }
-}
-
-/// Two sizes.
-struct Pair {
-    n: usize,
-    m: usize,
-}
-
-impl Pair {
-    /// Sets every full-size value to `f(base, low, value)`, base and low interpolated bilinearly.
-    fn each<'p>(
-        &self,
-        base: &'p [f32],
-        low: &'p [f32],
-        plane: &mut [f32],
-        exec: &dyn Executor,
-        f: impl Fn(f32, f32, f32) -> f32 + Sync,
-    ) {
-        let (n, m) = (self.n, self.m);
-        for_each_row_block(exec, n, ROWS_PER_BLOCK, Plane::new(plane, n), &|rows, mut out| {
-            for (row, out) in rows.zip(out.rows()) {
-                let (top, bottom, down) = self.between(row);
-                let lines =
-                    |plane: &'p [f32]| [top, bottom].map(|y| plane.get(y * m..(y + 1) * m).unwrap_or(&[]));
-                let lines = [lines(base), lines(low)];
-                if n == 2 * m && m > 1 {
-                    between_doubled(lines, down, out, &f);
-                    continue;
-                }
-                for (column, value) in out.iter_mut().enumerate() {
-                    let (left, right, along) = self.between(column);
-                    let [base, low] = lines.map(|pair| {
-                        bilinear(
-                            pair.map(|line| [left, right].map(|x| line.get(x).copied().unwrap_or(0.0))),
-                            along,
-                            down,
-                        )
-                    });
-                    *value = f(base, low, *value);
-                }
-            }
-        });
-    }
-
-    /// The base pixels left and right of a full-size one, and how far it is towards the right one.
-    fn between(&self, i: usize) -> (usize, usize, f32) {
-        let at = ((i as f32 + 0.5) * self.m as f32 / self.n as f32 - 0.5).max(0.0);
-        let left = (at as usize).min(self.m.saturating_sub(1));
-        (left, (left + 1).min(self.m.saturating_sub(1)), at - left as f32)
-    }
-}
-
-/// [`Pair::each`] on one row of twice the base's pixels: `lines` are the base's and the low-pass's lines above and below,
-/// `down` how far the row is towards the one below. The same arithmetic, in loops that the compiler vectorises.
-fn between_doubled(lines: [[&[f32]; 2]; 2], down: f32, out: &mut [f32], f: &impl Fn(f32, f32, f32) -> f32) {
-    let at = |corners: [[[f32; 2]; 2]; 2], along: f32, value: f32| {
-        let [base, low] = corners.map(|pair| bilinear(pair, along, down));
-        f(base, low, value)
-    };
-    let end = |line: &[f32], i: usize| line.get(i).copied().unwrap_or(0.0);
-    let last = lines[0][0].len().saturating_sub(1);
-    let (along, [first, rest @ ..]) = (0.25, out) else { return };
-    let Some((right, inner)) = rest.split_last_mut() else { return };
-    *first = at(lines.map(|pair| pair.map(|line| [end(line, 0), end(line, 1)])), 0.0, *first);
-    *right = at(lines.map(|pair| pair.map(|line| [end(line, last); 2])), along, *right);
-    let [[a, b], [c, d]] = lines.map(|pair| pair.map(|line| line.iter().zip(line.get(1..).unwrap_or(&[]))));
-    for (two, (((a, b), c), d)) in inner.as_chunks_mut::<2>().0.iter_mut().zip(a.zip(b).zip(c).zip(d)) {
-        let corners = [[[*a.0, *a.1], [*b.0, *b.1]], [[*c.0, *c.1], [*d.0, *d.1]]];
-        *two = [at(corners, along, two[0]), at(corners, 1.0 - along, two[1])];
-    }
-}
-
-/// Between four corners: [above, below] of [left, right], `along` and `down` in [0,1].
-#[inline(always)]
-fn bilinear(corners: [[f32; 2]; 2], along: f32, down: f32) -> f32 {
-    let [above, below] = corners.map(|[left, right]| left + along * (right - left));
-    above + down * (below - above)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -344,51 +245,20 @@ mod tests {
     use std::vec::Vec;
 
     #[test]
-    fn shrinking_keeps_the_mean_and_constants_at_any_ratio() {
-        for (n, m) in [(8, 4), (12, 8), (9, 9), (384, 256), (7, 2)] {
-            let large: Vec<f32> = (0..n * n).map(|i| ((i * 7919) % 101) as f32 / 101.0).collect();
-            let mut small = vec![0.0; m * m];
-            shrink(&large, n, m, &mut small, &Inline);
-            let mean = |v: &[f32]| v.iter().map(|&x| f64::from(x)).sum::<f64>() / v.len() as f64;
-            assert!((mean(&large) - mean(&small)).abs() < 1e-5, "{n} to {m}");
-            shrink(&vec![0.25; n * n], n, m, &mut small, &Inline);
-            assert!(small.iter().all(|v| (v - 0.25).abs() < 1e-6), "{n} to {m}");
-        }
-        let mut small = [0.0];
-        shrink(&[1.0, 2.0, 3.0, 6.0], 2, 1, &mut small, &Inline);
-        assert_eq!(small, [3.0]);
-    }
-
-    #[test]
-    fn twice_the_size_is_any_size_to_the_bit() {
-        let noise = |count: usize, seed: u32| -> Vec<f32> {
-            let at = |i: usize| (i as u32).wrapping_mul(2_654_435_761).wrapping_add(seed).rotate_left(9) >> 8;
-            (0..count).map(|i| at(i).wrapping_mul(40_503) as f32 / u32::MAX as f32).collect()
-        };
-        for m in [2, 8, 13] {
-            let n = 2 * m;
-            let (base, low, plane) = (noise(m * m, 1), noise(m * m, 2), noise(n * n, 3));
-            let pair = Pair { n, m };
-            let f = |base: f32, low: f32, full: f32| base * 3.0 + low * 0.7 - full;
-            let mut out = plane.clone();
-            pair.each(&base, &low, &mut out, &Inline, f);
-            for (i, (out, full)) in out.iter().zip(&plane).enumerate() {
-                let ((top, bottom, down), (left, right, along)) = (pair.between(i / n), pair.between(i % n));
-                let at = |p: &[f32]| {
-                    let corners = [top, bottom].map(|y| [left, right].map(|x| p[y * m + x]));
-                    bilinear(corners, along, down)
-                };
-                assert_eq!(*out, f(at(&base), at(&low), *full), "{m}: value {i}");
-            }
-            let mut small = vec![0.0; m * m];
-            shrink(&plane, n, m, &mut small, &Inline);
-            for (i, small) in small.iter().enumerate() {
-                let first = i / m * 2 * n + i % m * 2;
-                let want =
-                    ((plane[first] + plane[first + 1]) + (plane[first + n] + plane[first + n + 1])) / 4.0;
-                assert_eq!(*small, want, "{m}: value {i}");
-            }
-        }
+    fn the_mirrored_photos_maps_are_mirrored_back() {
+        // A material with something else in every pixel, and what an ideal network says of its mirror image.
+        let m = 4;
+        let material: Vec<f32> = (0..MAPS * m * m).map(|i| (i * 37 % 101) as f32 / 64.0).collect();
+        let mut mirrored = material.clone();
+        mirrored.chunks_exact_mut(m).for_each(<[f32]>::reverse);
+        maps_of(&mut mirrored, m).normal[..m * m].iter_mut().for_each(|x| *x = -*x);
+        let mut first = material.clone();
+        add_mirrored(&mut first, &mirrored, m);
+        assert_eq!(first, material);
+        // Where the opinions differ, half the difference.
+        mirrored[0] += 0.5;
+        add_mirrored(&mut first, &mirrored, m);
+        assert_eq!(first[m - 1], material[m - 1] + 0.25);
     }
 
     #[test]

@@ -3,6 +3,7 @@
 //! Each stage takes what the stage before gave (`stages`), so none can be called out of order. Everything lies in the
 //! caller's workspace, whose size [`Pipeline::workspace_bytes`] tells before the run; a run allocates nothing and does
 //! not panic, and its bits depend on neither level nor threads.
+mod reduced;
 mod stages;
 
 use crate::arena::{Arena, bytes_for};
@@ -175,10 +176,10 @@ pub fn workspace_bytes(engine: &dyn Engine) -> usize {
     // roughness 1, a render 3.
     let stages = [
         (7, engine.workspace_bytes()),
-        (7 + 3, crf::workspace_bytes::<Albedo<'_>, 5>(size)),
-        (7 + 6, crf::workspace_bytes::<Normal<'_>, 3>(size)),
+        (7 + 3, reduced::workspace_bytes::<Albedo<'_>, 5>(size, 6)),
+        (7 + 6, reduced::workspace_bytes::<Normal<'_>, 3>(size, 6)),
         (7 + 6 + 2, plane.saturating_mul(3)),
-        (7 + 6 + 3, crf::workspace_bytes::<Roughness<'_>, 4>(size)),
+        (7 + 6 + 3, reduced::workspace_bytes::<Roughness<'_>, 4>(size, 9)),
         (7 + 6 + 3, plane.saturating_mul(3)),
     ];
     let needed = stages.map(|(planes, more)| plane.saturating_mul(planes).saturating_add(more));

@@ -1,7 +1,8 @@
 //! The stages between photo and material as types: `First` -> `WithAlbedo` -> `WithNormal` -> `Searched` -> `Refined`.
 //!
 //! A refined map takes the place of the network's; without refinement each stage hands the maps on as they are, and the
-//! search is left out.
+//! search is left out. Large photos are refined smaller (`reduced`).
+use super::reduced::{crf_size, refine_at, shrunk};
 use super::{CaptureOptions, Engine, SolverReports};
 use crate::Error;
 use crate::arena::Arena;
@@ -41,7 +42,7 @@ pub(super) struct WithNormal<'a>(WithAlbedo<'a>);
 pub(super) struct Searched<'a> {
     before: WithAlbedo<'a>,
     f0: f32,
-    roughness: Option<&'a [f32]>,
+    roughness: Option<&'a mut [f32]>,
     observability: &'a [f32],
 }
 
@@ -84,8 +85,22 @@ impl<'a> First<'a> {
         let sets = Class::ALL.map(|class| Coefficients::from_array(&model.crf(class)));
         let coefficients = Coefficients::mixed(&sets, &classification.used.0);
         let mut solver = SolverReports::default();
-        if run.options.refine {
-            let energy = Albedo { size: maps.size, photo: run.photo.rgb, albedo: maps.albedo };
+        let (n, m) = (maps.size, crf_size(maps.size));
+        if run.options.refine && m < n {
+            let mut arena = arena.scope();
+            let photo = shrunk(run.photo.rgb, n, m, run.exec, &mut arena)?;
+            let albedo = shrunk(maps.albedo, n, m, run.exec, &mut arena)?;
+            let energy = Albedo { size: m, photo, albedo };
+            solver[0] = refine_at(
+                &energy,
+                &coefficients.albedo,
+                &run.options.solver,
+                (&mut *maps.albedo, n),
+                run.exec,
+                &mut arena,
+            )?;
+        } else if run.options.refine {
+            let energy = Albedo { size: n, photo: run.photo.rgb, albedo: maps.albedo };
             (maps.albedo, solver[0]) = refined(&energy, &coefficients.albedo, run, arena)?;
         }
         Ok(WithAlbedo { maps, classification, coefficients, solver })
@@ -110,10 +125,24 @@ impl<'a> WithAlbedo<'a> {
         run: &Run<'_, 'a>,
         arena: &mut Arena<'a>,
     ) -> Result<WithNormal<'a>, Error> {
-        if run.options.refine {
-            let maps = &self.maps;
-            let energy = Normal { size: maps.size, normal: maps.normal, albedo: maps.albedo };
-            (self.maps.normal, self.solver[1]) = refined(&energy, &self.coefficients.normal, run, arena)?;
+        let maps = &mut self.maps;
+        let (n, m) = (maps.size, crf_size(maps.size));
+        if run.options.refine && m < n {
+            let mut arena = arena.scope();
+            let normal = shrunk(maps.normal, n, m, run.exec, &mut arena)?;
+            let albedo = shrunk(maps.albedo, n, m, run.exec, &mut arena)?;
+            let energy = Normal { size: m, normal, albedo };
+            self.solver[1] = refine_at(
+                &energy,
+                &self.coefficients.normal,
+                &run.options.solver,
+                (&mut *maps.normal, n),
+                run.exec,
+                &mut arena,
+            )?;
+        } else if run.options.refine {
+            let energy = Normal { size: n, normal: maps.normal, albedo: maps.albedo };
+            (maps.normal, self.solver[1]) = refined(&energy, &self.coefficients.normal, run, arena)?;
         }
         Ok(WithNormal(self))
     }
@@ -143,16 +172,40 @@ impl<'a> WithNormal<'a> {
 impl<'a> Searched<'a> {
     pub(super) fn roughness(self, run: &Run<'_, 'a>, arena: &mut Arena<'a>) -> Result<Refined<'a>, Error> {
         let WithAlbedo { mut maps, classification, coefficients, mut solver } = self.before;
-        if let Some(search) = self.roughness {
-            let energy = Roughness {
-                size: maps.size,
-                photo: run.photo.rgb,
-                albedo: maps.albedo,
-                network: maps.roughness,
-                search,
-                observability: Some(self.observability),
-            };
-            (maps.roughness, solver[2]) = refined(&energy, &coefficients.roughness, run, arena)?;
+        let (n, m) = (maps.size, crf_size(maps.size));
+        match self.roughness {
+            Some(search) if m < n => {
+                // Where a pixel says nothing of its roughness, what the search found there means nothing.
+                search.iter_mut().zip(self.observability).for_each(|(found, seen)| *found *= seen);
+                let mut arena = arena.scope();
+                let photo = shrunk(run.photo.rgb, n, m, run.exec, &mut arena)?;
+                let albedo = shrunk(maps.albedo, n, m, run.exec, &mut arena)?;
+                let network = shrunk(maps.roughness, n, m, run.exec, &mut arena)?;
+                let seen = shrunk(self.observability, n, m, run.exec, &mut arena)?;
+                let search = shrunk(search, n, m, run.exec, &mut arena)?;
+                search.iter_mut().zip(&*seen).for_each(|(found, seen)| *found /= seen.max(1e-6));
+                let energy = Roughness { size: m, photo, albedo, network, search, observability: Some(seen) };
+                solver[2] = refine_at(
+                    &energy,
+                    &coefficients.roughness,
+                    &run.options.solver,
+                    (&mut *maps.roughness, n),
+                    run.exec,
+                    &mut arena,
+                )?;
+            }
+            Some(search) => {
+                let energy = Roughness {
+                    size: n,
+                    photo: run.photo.rgb,
+                    albedo: maps.albedo,
+                    network: maps.roughness,
+                    search,
+                    observability: Some(self.observability),
+                };
+                (maps.roughness, solver[2]) = refined(&energy, &coefficients.roughness, run, arena)?;
+            }
+            None => {}
         }
         Ok(Refined { maps, observability: self.observability, classification, f0: self.f0, solver })
     }

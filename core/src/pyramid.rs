@@ -1,0 +1,234 @@
+//! Planes and smaller ones of the same picture: area averages down, bilinear interpolation up.
+//!
+//! The network's two looks are joined so (`net/scales`), and photos larger than the CRFs' grid are refined so
+//! (`pipeline/reduced`).
+use crate::exec::{Executor, Plane, ROWS_PER_BLOCK, for_each_row_block};
+
+/// Area average of an `n` x `n` plane to `m` x `m`, m <= n, exact for any ratio.
+pub(crate) fn shrink(large: &[f32], n: usize, m: usize, small: &mut [f32], exec: &dyn Executor) {
+    let ratio = n as f32 / m as f32;
+    for_each_row_block(exec, m, ROWS_PER_BLOCK, Plane::new(small, m), &|rows, mut out| {
+        for (row, out) in rows.zip(out.rows()) {
+            if n == 2 * m {
+                let pairs = |y: usize| large.get(y * n..(y + 1) * n).unwrap_or(&[]).as_chunks::<2>().0.iter();
+                for (out, ([a, b], [c, d])) in out.iter_mut().zip(pairs(2 * row).zip(pairs(2 * row + 1))) {
+                    *out = ((a + b) + (c + d)) / 4.0;
+                }
+                continue;
+            }
+            let vertical = Cover::new(row, ratio, n);
+            if n == n / m * m {
+                let whole = n / m;
+                let rows = large.chunks_exact(n).skip(row * whole).take(whole);
+                out.fill(0.0);
+                for line in rows {
+                    for (out, under) in out.iter_mut().zip(line.chunks_exact(whole)) {
+                        *out += under.iter().sum::<f32>();
+                    }
+                }
+                out.iter_mut().for_each(|out| *out /= ratio * ratio);
+                continue;
+            }
+            for (column, out) in out.iter_mut().enumerate() {
+                let across = Cover::new(column, ratio, n);
+                let mut sum = 0.0;
+                for y in vertical.first..vertical.end {
+                    let line = large.get(y * n + across.first..y * n + across.end).unwrap_or(&[]);
+                    let part: f32 = line.iter().zip(across.first..).map(|(v, x)| v * across.weight(x)).sum();
+                    sum += part * vertical.weight(y);
+                }
+                *out = sum / (ratio * ratio);
+            }
+        }
+    });
+}
+
+/// The source pixels under one target pixel.
+struct Cover {
+    start: f32,
+    stop: f32,
+    first: usize,
+    end: usize,
+}
+
+impl Cover {
+    fn new(target: usize, ratio: f32, n: usize) -> Self {
+        let (start, stop) = (target as f32 * ratio, (target + 1) as f32 * ratio);
+        let end = stop as usize + usize::from(stop > stop as usize as f32);
+        Self { start, stop, first: start as usize, end: end.min(n) }
+    }
+
+    /// How much of source pixel `x` is covered, in [0,1].
+    fn weight(&self, x: usize) -> f32 {
+        (self.stop.min(x as f32 + 1.0) - self.start.max(x as f32)).max(0.0)
+    }
+}
+
+/// The sizes of a plane and of a smaller one, m <= n.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Pair {
+    pub(crate) n: usize,
+    pub(crate) m: usize,
+}
+
+impl Pair {
+    /// Sets every full-size value to `f(base, low, value)`, base and low interpolated bilinearly.
+    pub(crate) fn each<'p>(
+        &self,
+        base: &'p [f32],
+        low: &'p [f32],
+        plane: &mut [f32],
+        exec: &dyn Executor,
+        f: impl Fn(f32, f32, f32) -> f32 + Sync,
+    ) {
+        let (n, m) = (self.n, self.m);
+        for_each_row_block(exec, n, ROWS_PER_BLOCK, Plane::new(plane, n), &|rows, mut out| {
+            for (row, out) in rows.zip(out.rows()) {
+                let (top, bottom, down) = self.between(row);
+                let lines =
+                    |plane: &'p [f32]| [top, bottom].map(|y| plane.get(y * m..(y + 1) * m).unwrap_or(&[]));
+                let lines = [lines(base), lines(low)];
+                if n == 2 * m && m > 1 {
+                    between_doubled(lines, down, out, &f);
+                    continue;
+                }
+                if m > 1 && n > m && n == n / m * m && (n / m).is_power_of_two() {
+                    between_many(lines, down, n / m, out, &f);
+                    continue;
+                }
+                for (column, value) in out.iter_mut().enumerate() {
+                    let (left, right, along) = self.between(column);
+                    let [base, low] = lines.map(|pair| {
+                        bilinear(
+                            pair.map(|line| [left, right].map(|x| line.get(x).copied().unwrap_or(0.0))),
+                            along,
+                            down,
+                        )
+                    });
+                    *value = f(base, low, *value);
+                }
+            }
+        });
+    }
+
+    /// The base pixels left and right of a full-size one, and how far it is towards the right one.
+    fn between(&self, i: usize) -> (usize, usize, f32) {
+        let at = ((i as f32 + 0.5) * self.m as f32 / self.n as f32 - 0.5).max(0.0);
+        let left = (at as usize).min(self.m.saturating_sub(1));
+        (left, (left + 1).min(self.m.saturating_sub(1)), at - left as f32)
+    }
+}
+
+/// [`Pair::each`] on one row of twice the base's pixels: `lines` are the base's and the low-pass's lines above and below,
+/// `down` how far the row is towards the one below. The same arithmetic, in loops that the compiler vectorises.
+fn between_doubled(lines: [[&[f32]; 2]; 2], down: f32, out: &mut [f32], f: &impl Fn(f32, f32, f32) -> f32) {
+    let at = |corners: [[[f32; 2]; 2]; 2], along: f32, value: f32| {
+        let [base, low] = corners.map(|pair| bilinear(pair, along, down));
+        f(base, low, value)
+    };
+    let end = |line: &[f32], i: usize| line.get(i).copied().unwrap_or(0.0);
+    let last = lines[0][0].len().saturating_sub(1);
+    let (along, [first, rest @ ..]) = (0.25, out) else { return };
+    let Some((right, inner)) = rest.split_last_mut() else { return };
+    *first = at(lines.map(|pair| pair.map(|line| [end(line, 0), end(line, 1)])), 0.0, *first);
+    *right = at(lines.map(|pair| pair.map(|line| [end(line, last); 2])), along, *right);
+    let [[a, b], [c, d]] = lines.map(|pair| pair.map(|line| line.iter().zip(line.get(1..).unwrap_or(&[]))));
+    for (two, (((a, b), c), d)) in inner.as_chunks_mut::<2>().0.iter_mut().zip(a.zip(b).zip(c).zip(d)) {
+        let corners = [[[*a.0, *a.1], [*b.0, *b.1]], [[*c.0, *c.1], [*d.0, *d.1]]];
+        *two = [at(corners, along, two[0]), at(corners, 1.0 - along, two[1])];
+    }
+}
+
+/// [`between_doubled`] for `ratio` times the base's pixels, a power of two.
+fn between_many(
+    lines: [[&[f32]; 2]; 2],
+    down: f32,
+    ratio: usize,
+    out: &mut [f32],
+    f: &impl Fn(f32, f32, f32) -> f32,
+) {
+    let corners = |left: usize, right: usize| {
+        lines.map(|pair| pair.map(|line| [left, right].map(|x| line.get(x).copied().unwrap_or(0.0))))
+    };
+    let set = |corners: [[[f32; 2]; 2]; 2], along: f32, value: &mut f32| {
+        let [base, low] = corners.map(|pair| bilinear(pair, along, down));
+        *value = f(base, low, *value);
+    };
+    let last = lines[0][0].len().saturating_sub(1);
+    let Some((first, rest)) = out.split_at_mut_checked(ratio / 2) else { return };
+    first.iter_mut().for_each(|value| set(corners(0, 1.min(last)), 0.0, value));
+    let mut spans = rest.chunks_exact_mut(ratio);
+    for (left, span) in spans.by_ref().enumerate() {
+        let corners = corners(left, left + 1);
+        for (i, value) in span.iter_mut().enumerate() {
+            set(corners, (i as f32 + 0.5) / ratio as f32, value);
+        }
+    }
+    spans.into_remainder().iter_mut().for_each(|value| set(corners(last, last), 0.0, value));
+}
+
+/// Between four corners: [above, below] of [left, right], `along` and `down` in [0,1].
+#[inline(always)]
+fn bilinear(corners: [[f32; 2]; 2], along: f32, down: f32) -> f32 {
+    let [above, below] = corners.map(|[left, right]| left + along * (right - left));
+    above + down * (below - above)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::exec::Inline;
+    use std::vec;
+    use std::vec::Vec;
+
+    #[test]
+    fn shrinking_keeps_the_mean_and_constants_at_any_ratio() {
+        for (n, m) in [(8, 4), (12, 8), (9, 9), (384, 256), (7, 2)] {
+            let large: Vec<f32> = (0..n * n).map(|i| ((i * 7919) % 101) as f32 / 101.0).collect();
+            let mut small = vec![0.0; m * m];
+            shrink(&large, n, m, &mut small, &Inline);
+            let mean = |v: &[f32]| v.iter().map(|&x| f64::from(x)).sum::<f64>() / v.len() as f64;
+            assert!((mean(&large) - mean(&small)).abs() < 1e-5, "{n} to {m}");
+            shrink(&vec![0.25; n * n], n, m, &mut small, &Inline);
+            assert!(small.iter().all(|v| (v - 0.25).abs() < 1e-6), "{n} to {m}");
+        }
+        let mut small = [0.0];
+        shrink(&[1.0, 2.0, 3.0, 6.0], 2, 1, &mut small, &Inline);
+        assert_eq!(small, [3.0]);
+    }
+
+    #[test]
+    fn powers_of_two_are_any_ratio_to_the_bit() {
+        let noise = |count: usize, seed: u32| -> Vec<f32> {
+            let at = |i: usize| (i as u32).wrapping_mul(2_654_435_761).wrapping_add(seed).rotate_left(9) >> 8;
+            (0..count).map(|i| at(i).wrapping_mul(40_503) as f32 / u32::MAX as f32).collect()
+        };
+        for (m, ratio) in [(2, 2), (8, 2), (13, 2), (2, 4), (7, 4), (5, 16)] {
+            let n = ratio * m;
+            let (base, low, plane) = (noise(m * m, 1), noise(m * m, 2), noise(n * n, 3));
+            let pair = Pair { n, m };
+            let f = |base: f32, low: f32, full: f32| base * 3.0 + low * 0.7 - full;
+            let mut out = plane.clone();
+            pair.each(&base, &low, &mut out, &Inline, f);
+            for (i, (out, full)) in out.iter().zip(&plane).enumerate() {
+                let ((top, bottom, down), (left, right, along)) = (pair.between(i / n), pair.between(i % n));
+                let at = |p: &[f32]| {
+                    let corners = [top, bottom].map(|y| [left, right].map(|x| p[y * m + x]));
+                    bilinear(corners, along, down)
+                };
+                assert_eq!(*out, f(at(&base), at(&low), *full), "{m} times {ratio}: value {i}");
+            }
+            if ratio > 2 {
+                continue;
+            }
+            let mut small = vec![0.0; m * m];
+            shrink(&plane, n, m, &mut small, &Inline);
+            for (i, small) in small.iter().enumerate() {
+                let first = i / m * 2 * n + i % m * 2;
+                let want =
+                    ((plane[first] + plane[first + 1]) + (plane[first + n] + plane[first + n + 1])) / 4.0;
+                assert_eq!(*small, want, "{m}: value {i}");
+            }
+        }
+    }
+}
