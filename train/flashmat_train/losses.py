@@ -28,7 +28,7 @@ class LossWeights:
     roughness: float = 0.7
     render: float = 2.0
     chroma: float = 1.0  # L1 on the hue of 8x8 means: no tint where a highlight was
-    bright: float = 3.0  # albedo's errors where the photo is nearly white count so many times more
+    bright: float = 3.0  # albedo's errors where the photo is nearly white or mostly highlight count so many times more
     room: float = 1.0  # the guess of the room's light: what tells it apart tells the albedo's brightness
     cls: float = 0.3
 
@@ -67,6 +67,14 @@ def render_pair(maps: dict[str, Tensor], f0: Tensor, view: Tensor, lights: list[
     )
 
 
+def specular_share(maps: dict[str, Tensor], f0: Tensor, view: Tensor, light: Tensor) -> Tensor:
+    """(B,1,H,W) how much of the light that comes back from a light in direction `light` is the highlight's, [0,1]."""
+    rest = (maps["normal"], maps["roughness"], light, view, f0)
+    gloss = shade(torch.zeros_like(maps["albedo"]), *rest)
+    both = shade(maps["albedo"].mean(dim=1, keepdim=True), *rest)
+    return gloss.mean(dim=1, keepdim=True) / both.clamp_min(1e-6)
+
+
 def losses(
     predicted: dict[str, Tensor],
     target: dict[str, Tensor],
@@ -86,14 +94,16 @@ def losses(
     fair = torch.where(known > 0, torch.ones_like(scale), scale)[:, None, None, None]
     predicted = predicted | {"fair": predicted["albedo"] * fair}
     # a highlight covers little of a photo, and what the albedo is below it is the hardest to say
-    heavy = 1 + w.bright * ((target["photo"].amax(dim=1, keepdim=True) - 0.85) / 0.1).clamp(0, 1)
+    white = ((target["photo"].amax(dim=1, keepdim=True) - 0.85) / 0.1).clamp(0, 1)
+    gloss = ((specular_share(target, f0, view, lights[0][0]) - 0.2) / 0.4).clamp(0, 1)
+    heavy = 1 + w.bright * torch.maximum(white, gloss)
     heavy = heavy / heavy.mean(dim=(2, 3), keepdim=True)
     a = 4 * ((predicted["albedo"] - target["albedo"]).square() * heavy).mean(dim=(1, 2, 3))
     a = (a * (known + (1 - known) * w.unknown)).mean()
     scaled = 4 * ((predicted["albedo"] * scale[:, None, None, None] - target["albedo"]).square() * heavy).mean()
     gamma = 1 / 2.2
     l1 = (((predicted["fair"] + 1e-3) ** gamma - (target["albedo"] + 1e-3) ** gamma).abs() * heavy).mean()
-    hue = F.l1_loss(chroma(predicted["fair"]), chroma(target["albedo"]))
+    hue = ((chroma(predicted["fair"]) - chroma(target["albedo"])).abs() * F.avg_pool2d(heavy, 8)).mean()
     n = ((predicted["normal"] - target["normal"]).square() * normal_weights(target["normal"])).mean()
     r = 4 * F.mse_loss(predicted["roughness"], target["roughness"])
     want = render_pair(target, f0, view, lights)

@@ -93,7 +93,7 @@ def run(args: argparse.Namespace) -> None:
         (args.out / "config.json").write_text(json.dumps(describe(args, config), indent=1))
     options = SceneOptions(flash=args.light == "pt")
     if args.light == "env":
-        options = replace(options, environment=(0.5, 1.2))
+        options = replace(options, environment=(0.5, 1.2), dark=0.0)
     env = env.to(place.device)
 
     def photos(size: int, batch: int, start: int, seed: int) -> Iterator[Batch]:

@@ -32,6 +32,8 @@ class SceneOptions:
     """How photos vary. Lengths are in units of the camera's distance."""
 
     environment: tuple[float, float] = (0.0, 0.8)  # luminance of white under the environment, flash = 1
+    dark: float = 0.15  # share of photos from the lowest eighth of that range: rooms with the lamps off
+    second_lobe: float = 0.3  # share of photos whose highlight has a second lobe, as lacquer and real gloss have
     flash: bool = True  # off: the paper's `env` variant
     light_sigma: float = 0.03  # of the flash around the camera, each axis
     tilt_sigma: float = 3.0  # degrees, each axis
@@ -105,8 +107,12 @@ def render_batch(
     radiance = torch.zeros_like(albedo)
     if options.flash:
         radiance = render_point(albedo, normal, rough, f0, geometry, light)
+        share = tensor((rng.random(b) < options.second_lobe) * rng.uniform(0.1, 0.6, size=b))[:, None, None, None]
+        other = (rough * tensor(np.exp(rng.normal(size=b) * 0.5))[:, None, None, None]).clamp(0.05, 1)
+        radiance = radiance + share * (render_point(albedo, normal, other, f0, geometry, light) - radiance)
     low, high = options.environment
-    strength = tensor(rng.uniform(low, high, size=b))
+    reach = np.where(rng.random(b) < options.dark, 0.125, 1.0)
+    strength = tensor(low + (high - low) * reach * rng.random(b))
     index = torch.tensor(rng.integers(len(env), size=b), device=dev)
     spin = tensor(rng.uniform(0, 2 * math.pi, size=b))
     ambient = env.render(index, spin, albedo, normal, rough, f0, geometry.view)

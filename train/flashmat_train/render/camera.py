@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,12 +26,14 @@ class CameraNoise:
     exposure: float = 0.35  # of a known exposure around the flash's strength 1
     auto: float = 1.0  # share of the others whose automatic exposure pulled the mean towards AUTO_MEAN
     calibration: float = 0.03  # error of a known exposure
-    white_balance: float = 0.04
+    white_balance: float = 0.04  # of a known exposure
+    auto_white_balance: float = 0.1  # of the others: the flash and the room hardly ever have one colour
     vignette: float = 0.2  # darkening of the corner, at most, that the phone's own correction leaves
     known_vignette: float = 0.06  # the same where the exposure is known: such photos are processed with more care
     contrast: float = (
-        0.5  # strength of an S-shaped tone curve, at most; half of the photos of unknown exposure have one
+        0.5  # strength of a tone curve (an S, or film's shoulder), at most; half of the unknown exposures have one
     )
+    local: float = 0.4  # local tone mapping, at most: the power of the surroundings' brightness that is divided out
     blur: float = 0.6  # sigma in pixels, at most
     shot: float = 0.02  # noise at white, at most (linear)
     read: float = 0.004  # noise at black, at most (linear)
@@ -56,8 +59,11 @@ def photograph(radiance: Tensor, rng: np.random.Generator, c: CameraNoise) -> tu
 
     known = 1 - on * torch.tensor(rng.random(b) >= c.known, dtype=torch.float32, device=dev)
     exposed = torch.exp(on * known * gauss(b) * c.exposure)
-    gain = torch.exp(on[:, None] * (known[:, None] * gauss(b, 1) * c.calibration + gauss(b, 3) * c.white_balance))
+    balance = torch.where(known > 0, c.white_balance, c.auto_white_balance)[:, None]
+    gain = torch.exp(on[:, None] * (known[:, None] * gauss(b, 1) * c.calibration + gauss(b, 3) * balance))
     x = radiance * (gain * exposed[:, None])[:, :, None, None]
+    local = on * (1 - known) * uniform(b) * c.local * torch.tensor(rng.random(b) < 0.3, device=dev)
+    x = _tone_mapped(x, local)
     mean = x.clamp(0, 2).mean(dim=(1, 2, 3)).clamp_min(1e-3)
     aim = AUTO_MEAN * torch.exp(gauss(b) * AUTO_SIGMA)
     pull = (1 - known) * torch.tensor(rng.random(b) < c.auto, device=dev) * (0.5 + 0.5 * uniform(b))
@@ -75,7 +81,8 @@ def photograph(radiance: Tensor, rng: np.random.Generator, c: CameraNoise) -> tu
     s = (on * (1 - known) * uniform(b) * c.contrast * torch.tensor(rng.random(b) < 0.5, device=dev))[
         :, None, None, None
     ]
-    x = x + s * (x * x * (3 - 2 * x) - x)
+    shoulder = torch.tensor(rng.random(b) < 0.5, device=dev)[:, None, None, None]
+    x = x + s * (torch.where(shoulder, (1 - torch.exp(-2.5 * x)) / (1 - math.exp(-2.5)), x * x * (3 - 2 * x)) - x)
     x = torch.round(x * 255) / 255
     chosen = np.flatnonzero((rng.random(b) < c.jpeg) & noisy)
     if len(chosen):
@@ -83,6 +90,17 @@ def photograph(radiance: Tensor, rng: np.random.Generator, c: CameraNoise) -> tu
         x = x.index_copy(0, at, jpeg(x[at], [int(q) for q in rng.integers(80, 98, size=len(chosen))]))
     rescaled = torch.round(srgb_encode((srgb_decode(x) / exposed[:, None, None, None]).clamp(0, 1)) * 255) / 255
     return torch.where((exposed != 1)[:, None, None, None], rescaled, x), known
+
+
+def _tone_mapped(x: Tensor, power: Tensor) -> Tensor:
+    """Divides out a power of the surroundings' brightness, as phones do to hold highlights; the mean stays about."""
+    n = x.shape[-1]
+    side = max(1, n // 16)
+    around = F.avg_pool2d(x.clamp(0, 2).mean(dim=1, keepdim=True), side)
+    around = F.avg_pool2d(F.pad(around, (2, 2, 2, 2), mode="replicate"), 5, 1)
+    around = F.interpolate(around, size=(n, n), mode="bilinear", align_corners=False).clamp_min(1e-3)
+    around = around / around.mean(dim=(2, 3), keepdim=True)
+    return x * torch.exp(-power[:, None, None, None] * torch.log(around))
 
 
 def _blur(x: Tensor, sigma: Tensor) -> Tensor:
