@@ -25,6 +25,7 @@ pub mod crf;
 mod error;
 pub mod exec;
 pub mod frame;
+pub mod highlight;
 pub mod kernels;
 mod lanes;
 pub mod maps;

@@ -2,6 +2,8 @@
 //!
 //! The network's two looks are joined so (`net/scales`), and photos larger than the CRFs' grid are refined so
 //! (`pipeline/reduced`).
+use crate::Error;
+use crate::arena::Arena;
 use crate::exec::{Executor, Plane, ROWS_PER_BLOCK, for_each_row_block};
 
 /// Area average of an `n` x `n` plane to `m` x `m`, m <= n, exact for any ratio.
@@ -41,6 +43,24 @@ pub(crate) fn shrink(large: &[f32], n: usize, m: usize, small: &mut [f32], exec:
             }
         }
     });
+}
+
+/// `planes`, each of `n` x `n`, averaged to `m` x `m`, in memory of their own.
+///
+/// # Errors
+/// [`Error::WorkspaceTooSmall`].
+pub(crate) fn shrunk<'a>(
+    planes: &[f32],
+    n: usize,
+    m: usize,
+    exec: &dyn Executor,
+    arena: &mut Arena<'a>,
+) -> Result<&'a mut [f32], Error> {
+    let small = arena.take::<f32>(planes.len() / (n * n).max(1) * m * m)?;
+    for (small, large) in small.chunks_exact_mut(m * m).zip(planes.chunks_exact(n * n)) {
+        shrink(large, n, m, small, exec);
+    }
+    Ok(small)
 }
 
 /// The source pixels under one target pixel.

@@ -7,12 +7,11 @@
 //! cells to a side, so C does not grow with the image. A's rows sum to the unary weights, and C's to their sums over
 //! cells: only the weights between different cells are needed, and C is an M-matrix like A.
 //!
-//! C is stored as its upper triangle, a row of `stride` values per cell: the cell itself and the `band` cells behind
-//! it; then as its Cholesky factor, inverse pivots in front.
+//! C is stored and solved as `banded` says, a row per cell.
+use super::banded;
 use super::pairs::Pairs;
 use super::pattern::RADIUS;
-use super::refine::UNARY_FLOOR;
-use super::solver::{MAX_CHANNELS, row_sum};
+use super::solver::MAX_CHANNELS;
 use crate::Error;
 use crate::arena::{Arena, bytes_for};
 use crate::exec::{Executor, Plane, for_each_row};
@@ -25,9 +24,6 @@ const MIN_WIDTH: usize = 4;
 
 /// Most cells to a side. The CRFs' kernels then reach two cells far; a third would double the factor's work.
 const MAX_CELLS: usize = 20;
-
-/// Values of a row that are worked on together.
-const CHUNK: usize = 16;
 
 /// Square cells of pixels.
 #[derive(Clone, Copy, Debug)]
@@ -123,8 +119,7 @@ fn shape(size: usize, sigma: f32) -> (Cells, usize, usize) {
     let cells = Cells::new(size);
     let reach = (floorf(RADIUS * sigma) as usize).min(size).saturating_add(cells.width - 1) / cells.width;
     let band = (reach * cells.count + reach).min((cells.count * cells.count).saturating_sub(1));
-    // Loops over what is left of a row run in whole chunks, into zeros.
-    (cells, band, (band + CHUNK).next_multiple_of(CHUNK))
+    (cells, band, banded::stride(band))
 }
 
 impl<'a> Coarse<'a> {
@@ -166,30 +161,11 @@ impl<'a> Coarse<'a> {
             #[inline(always)]
             || weights.into_matrix(diagonal),
         );
-        let mut coarse = Self { cells, band, stride, factor, corrections };
         simd.run(
             #[inline(always)]
-            || coarse.factorise(),
+            || banded::factorise(factor, stride, band),
         );
-        Ok(coarse)
-    }
-
-    /// Cholesky's factorisation, one row taken off those behind it after the other.
-    #[inline(always)]
-    fn factorise(&mut self) {
-        let mut rest = &mut *self.factor;
-        while let Some((row, behind)) = core::mem::take(&mut rest).split_at_mut_checked(self.stride) {
-            let Some((pivot, row)) = row.split_first_mut() else { return };
-            // At least the sum of the cell's unary weights, but for rounding; any positive value keeps C definite.
-            let inverse = 1.0 / sqrtf(pivot.max(UNARY_FLOOR));
-            *pivot = inverse;
-            row.iter_mut().for_each(|value| *value *= inverse);
-            for (t, behind) in behind.chunks_exact_mut(self.stride).enumerate().take(self.band) {
-                let Some(own @ &[factor, ..]) = row.get(t..) else { break };
-                subtract(factor, own, behind, self.band - t);
-            }
-            rest = behind;
-        }
+        Ok(Self { cells, band, stride, factor, corrections })
     }
 
     /// Works out the correction C^-1 P^T r of `channel`; returns r^T P C^-1 P^T r.
@@ -201,35 +177,7 @@ impl<'a> Coarse<'a> {
         self.cells.sums(r, values, exec);
         exec.simd().run(
             #[inline(always)]
-            || {
-                let mut sum = 0.0_f64;
-                for (i, row) in self.factor.chunks_exact(self.stride).enumerate() {
-                    let Some(([inverse, row @ ..], [own, behind @ ..])) = Some(row).zip(values.get_mut(i..))
-                    else {
-                        break;
-                    };
-                    *own *= inverse;
-                    sum += f64::from(*own) * f64::from(*own);
-                    subtract(*own, row, behind, self.band);
-                }
-                for (i, row) in self.factor.chunks_exact(self.stride).enumerate().rev() {
-                    let Some(([inverse, row @ ..], [own, behind @ ..])) = Some(row).zip(values.get_mut(i..))
-                    else {
-                        break;
-                    };
-                    let row = row.get(..behind.len()).unwrap_or(row);
-                    let behind = behind.get(..row.len()).unwrap_or(behind);
-                    *own = (*own
-                        - row_sum(
-                            row,
-                            behind,
-                            #[inline(always)]
-                            |a, b| a * b,
-                        ))
-                        * inverse;
-                }
-                sum
-            },
+            || banded::solve(self.factor, self.stride, self.band, values),
         )
     }
 
@@ -238,22 +186,6 @@ impl<'a> Coarse<'a> {
     pub(super) fn correction(&self, channel: usize) -> (Cells, &[f32]) {
         let count = self.cells.count * self.cells.count;
         (self.cells, self.corrections.get(channel * count..(channel + 1) * count).unwrap_or(&[]))
-    }
-}
-
-/// values -= factor row for the first `len`, and for the rest of their last chunk, where the row holds zeros.
-#[inline(always)]
-fn subtract(factor: f32, row: &[f32], values: &mut [f32], len: usize) {
-    let len = len.next_multiple_of(CHUNK).min(row.len()).min(values.len());
-    let (Some(row), Some(values)) = (row.get(..len), values.get_mut(..len)) else { return };
-    let ((row, row_end), (values, values_end)) = (row.as_chunks::<CHUNK>(), values.as_chunks_mut::<CHUNK>());
-    for (values, row) in values.iter_mut().zip(row) {
-        for (value, row) in values.iter_mut().zip(row) {
-            *value -= factor * row;
-        }
-    }
-    for (value, row) in values_end.iter_mut().zip(row_end) {
-        *value -= factor * row;
     }
 }
 

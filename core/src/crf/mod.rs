@@ -10,6 +10,7 @@
 //! Guarantees: constants stay constant; no pairwise weight gives the unary back bit for bit; the same bits on every
 //! executor; no allocation, no panic.
 pub mod albedo;
+pub(crate) mod banded;
 pub mod coarse;
 pub mod coefficients;
 #[cfg(any(test, feature = "reference"))]

@@ -11,6 +11,7 @@ use crate::brdf::{self, Light, Scene};
 use crate::crf::{self, Albedo, Normal, Roughness};
 use crate::exec::{At, Executor, within};
 use crate::frame::{self, FieldOfView, Frame, LinearImage};
+use crate::highlight;
 use crate::kernels::{Kernels, Simd};
 use crate::maps::{Maps, MapsMut};
 use crate::net::scales::Scales;
@@ -176,6 +177,7 @@ pub fn workspace_bytes(engine: &dyn Engine) -> usize {
     // roughness 1, a render 3.
     let stages = [
         (7, engine.workspace_bytes()),
+        (7, highlight::workspace_bytes(size)),
         (7 + 3, reduced::workspace_bytes::<Albedo<'_>, 5>(size, 6)),
         (7 + 6, reduced::workspace_bytes::<Normal<'_>, 3>(size, 6)),
         (7 + 6 + 2, plane.saturating_mul(3)),

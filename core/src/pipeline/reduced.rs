@@ -8,7 +8,7 @@ use crate::Error;
 use crate::arena::{Arena, bytes_for};
 use crate::crf::{self, Energy};
 use crate::exec::Executor;
-use crate::pyramid::{Pair, shrink};
+use crate::pyramid::Pair;
 
 /// Pixels per side up to which the CRFs see every pixel.
 pub(super) const CRF_SIZE: usize = 512;
@@ -24,21 +24,6 @@ pub(super) fn workspace_bytes<E: Energy<N>, const N: usize>(size: usize, planes:
     let shrunk = if small == size { 0 } else { planes + E::CHANNELS };
     crf::workspace_bytes::<E, N>(small)
         .saturating_add(bytes_for::<f32>(small.saturating_mul(small)).saturating_mul(shrunk))
-}
-
-/// `planes`, each of `n` x `n`, averaged to `m` x `m`.
-pub(super) fn shrunk<'a>(
-    planes: &[f32],
-    n: usize,
-    m: usize,
-    exec: &dyn Executor,
-    arena: &mut Arena<'a>,
-) -> Result<&'a mut [f32], Error> {
-    let small = arena.take::<f32>(planes.len() / (n * n).max(1) * m * m)?;
-    for (small, large) in small.chunks_exact_mut(m * m).zip(planes.chunks_exact(n * n)) {
-        shrink(large, n, m, small, exec);
-    }
-    Ok(small)
 }
 
 /// Refines `energy`, all of whose inputs were shrunk, and adds the difference to its unary 0 to the full-size `map`,

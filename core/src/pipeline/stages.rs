@@ -2,7 +2,7 @@
 //!
 //! A refined map takes the place of the network's; without refinement each stage hands the maps on as they are, and the
 //! search is left out. Large photos are refined smaller (`reduced`).
-use super::reduced::{crf_size, refine_at, shrunk};
+use super::reduced::{crf_size, refine_at};
 use super::{CaptureOptions, Engine, SolverReports};
 use crate::Error;
 use crate::arena::Arena;
@@ -12,7 +12,8 @@ use crate::exec::Executor;
 use crate::frame::LinearImage;
 use crate::maps::{Maps, MapsMut};
 use crate::net::{Class, Classification, Mixing, Model};
-use crate::{Observer, search};
+use crate::pyramid::shrunk;
+use crate::{Observer, highlight, search};
 
 /// What every stage of a run reads.
 pub(super) struct Run<'r, 'a> {
@@ -86,6 +87,10 @@ impl<'a> First<'a> {
         let coefficients = Coefficients::mixed(&sets, &classification.used.0);
         let mut solver = SolverReports::default();
         let (n, m) = (maps.size, crf_size(maps.size));
+        if run.options.refine {
+            let f0 = brdf::f0(classification.used.of(Class::Metal));
+            highlight::restore(&run.photo, &mut maps, f0, run.exec, arena)?;
+        }
         if run.options.refine && m < n {
             let mut arena = arena.scope();
             let photo = shrunk(run.photo.rgb, n, m, run.exec, &mut arena)?;

@@ -12,7 +12,7 @@ use flashmat_core::brdf::{self, Light};
 use flashmat_core::crf::{self, Albedo, Coefficients, Energy, Normal, Roughness};
 use flashmat_core::frame::{self, FieldOfView, LinearImage};
 use flashmat_core::net::Class;
-use flashmat_core::{Error, search};
+use flashmat_core::{Error, highlight, search};
 use glam::Vec3;
 
 /// Coefficients of all classes.
@@ -41,7 +41,7 @@ impl Stage {
 /// One photo, its true maps, and what is known of it so far.
 pub(super) struct Sample {
     pub(super) truth: OwnedMaps,
-    /// The network's maps.
+    /// The network's maps, the albedo filled in below highlights.
     pub(super) first: OwnedMaps,
     /// What the classifier believes: the coefficients are mixed with it.
     pub(super) probabilities: [f32; Class::ALL.len()],
@@ -69,6 +69,19 @@ impl Sample {
         let shot = dataset::shot(item, size, None)?;
         let found = engine.capture(&shot.photo, &mut |_, _| interrupt::flow()).map_err(failed)?;
         let clipped = clipped(&shot.photo, size).map_err(failed)?;
+        let f0 = brdf::f0(found.probabilities.get(Class::Metal as usize).copied().unwrap_or(0.0));
+        let mut first = found.maps;
+        let photo =
+            LinearImage { size, rgb: &found.photo, clipped: &clipped, fov_deg: found.fov_deg, light_scale };
+        let mut workspace = vec![0; highlight::workspace_bytes(size)];
+        highlight::restore(
+            &photo,
+            &mut first.view_mut(),
+            f0,
+            &super::fast(),
+            &mut Arena::new(&mut workspace),
+        )
+        .map_err(failed)?;
         Ok(Self {
             truth: shot.truth,
             probabilities: found.probabilities,
@@ -76,12 +89,12 @@ impl Sample {
             clipped,
             fov_deg: found.fov_deg,
             light_scale,
-            f0: brdf::f0(found.probabilities.get(Class::Metal as usize).copied().unwrap_or(0.0)),
-            albedo: found.maps.albedo.clone(),
-            normal: found.maps.normal.clone(),
+            f0,
+            albedo: first.albedo.clone(),
+            normal: first.normal.clone(),
             searched: Vec::new(),
             observability: Vec::new(),
-            first: found.maps,
+            first,
         })
     }
 

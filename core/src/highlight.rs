@@ -1,0 +1,316 @@
+//! What lies below a highlight: the albedo there is told from what surrounds it.
+//!
+//! Where most of the light is specular the photo hardly tells the diffuse albedo, and where it is burnt out not at all: the
+//! network leaves a disc of another brightness or hue. The paper's CRF lets burnt-out pixels near the centre have less say;
+//! here every pixel has, by how much of its light the network's own maps call specular, and what is large in the albedo is
+//! filled in from around it. Detail, as a ratio to what is large, stays the network's.
+//!
+//! On a grid of at most [`GRID`] x [`GRID`] cells the filled albedo x minimises sum w_i (x_i - u_i)² + [`SMOOTH`] sum (x_i -
+//! x_j)² over neighbours: u the network's albedo, w the mean over the cell of (1 - s)², s the specular share of a pixel's
+//! light. Two estimates bound s, and both must agree: what the photo has above the diffuse render (scaled by the median over
+//! the pixels), and [`TRUST`] times what the BRDF has. The flash is at the camera, so highlights of a flat material lie near
+//! the centre, and s falls off as exp(-(r²/[`REACH`])²). The system is solved exactly (banded Cholesky).
+//!
+//! Not in the paper. docs/crf.md has what it changes on test photos.
+use crate::Error;
+use crate::arena::{Arena, bytes_for};
+use crate::brdf::{self, Scene};
+use crate::crf::banded;
+use crate::exec::Executor;
+use crate::frame::LinearImage;
+use crate::maps::{Maps, MapsMut};
+use crate::math::{expf, powf};
+use crate::pyramid::{Pair, shrink, shrunk};
+
+/// Most cells to a side.
+pub const GRID: usize = 32;
+/// Weight of a pair of neighbouring cells, where a cell that is lit diffusely alone has 1.
+pub const SMOOTH: f32 = 2.0;
+/// How much more specular than the BRDF says a pixel may be.
+pub const TRUST: f32 = 1.5;
+/// Squared distance from the centre, the half side 1, within which highlights lie.
+pub const REACH: f32 = 0.6;
+/// Pixels per side at which photo and renders are compared.
+const SEEN: usize = 128;
+/// Least weight of a cell: each has a solution.
+const LEAST: f32 = 1e-3;
+/// Added to both sides of the albedo's ratio, as in `net/scales`.
+const FLOOR: f32 = 0.01;
+
+/// Pixels per side of the comparison and of the grid.
+fn sizes(size: usize) -> (usize, usize) {
+    let seen = size.min(SEEN);
+    (seen, seen.min(GRID))
+}
+
+/// Bytes of workspace that [`restore`] needs for maps of `size` x `size`.
+#[must_use]
+pub fn workspace_bytes(size: usize) -> usize {
+    let (seen, grid) = sizes(size);
+    let (plane, cells) = (bytes_for::<f32>(seen * seen), bytes_for::<f32>(grid * grid));
+    // Photo, albedo, normals, roughness, two renders, black, the diffuse part and its ratio; the grid's weights, albedo
+    // and filled albedo, and the matrix.
+    plane
+        .saturating_mul(3 + 3 + 3 + 1 + 3 + 3 + 3 + 2)
+        .saturating_add(cells.saturating_mul(1 + 3 + 3))
+        .saturating_add(bytes_for::<f32>(grid * grid * banded::stride(grid)))
+        .saturating_add(16 * crate::arena::ALIGN)
+}
+
+/// Fills in the albedo of `maps` below highlights, in place; `f0` is the material's specular reflectance.
+///
+/// Albedo stays within [0,1]. A photo without a highlight, and one that is black, changes nothing or next to nothing.
+///
+/// # Errors
+/// [`Error::PlaneLength`], [`Error::Size`], [`Error::FieldOfView`], [`Error::WorkspaceTooSmall`].
+pub fn restore(
+    photo: &LinearImage<'_>,
+    maps: &mut MapsMut<'_>,
+    f0: f32,
+    exec: &dyn Executor,
+    arena: &mut Arena<'_>,
+) -> Result<(), Error> {
+    photo.check()?;
+    maps.as_maps().check()?;
+    let n = maps.size;
+    let (m, g) = sizes(n);
+    let mut arena = arena.scope();
+    let rgb = shrunk(photo.rgb, n, m, exec, &mut arena)?;
+    let albedo = &*shrunk(maps.albedo, n, m, exec, &mut arena)?;
+    let normal = &*shrunk(maps.normal, n, m, exec, &mut arena)?;
+    let roughness = &*shrunk(maps.roughness, n, m, exec, &mut arena)?;
+    let low = &*shrunk(albedo, m, g, exec, &mut arena)?;
+
+    let scene = Scene::flash(photo.fov_deg, 1.0);
+    let (both, specular) = (arena.take(3 * m * m)?, arena.take(3 * m * m)?);
+    brdf::render(&Maps { size: m, albedo, normal, roughness }, f0, &scene, exec, both)?;
+    let black = &*arena.zeroed(3 * m * m)?;
+    brdf::render(&Maps { size: m, albedo: black, normal, roughness }, f0, &scene, exec, specular)?;
+    let share = arena.take::<f32>(m * m)?;
+    let ratio = arena.take::<f32>(m * m)?;
+    diffuse_shares(rgb, both, specular, m, share, ratio);
+
+    let weight = arena.take::<f32>(g * g)?;
+    share.iter_mut().for_each(|share| *share *= *share);
+    shrink(share, m, g, weight, exec);
+    weight.iter_mut().for_each(|weight| *weight = weight.max(LEAST));
+    let filled = arena.take::<f32>(3 * g * g)?;
+    let matrix = arena.zeroed::<f32>(g * g * banded::stride(g))?;
+    exec.simd().run(
+        #[inline(always)]
+        || fill(low, weight, g, filled, matrix),
+    );
+
+    for (filled, low) in filled.chunks_exact_mut(g * g).zip(low.chunks_exact(g * g)) {
+        for ((factor, low), weight) in filled.iter_mut().zip(low).zip(&*weight) {
+            *factor = powf((factor.max(0.0) + FLOOR) / (low + FLOOR), 1.0 - weight.min(1.0));
+        }
+    }
+    let pair = Pair { n, m: g };
+    for (factor, albedo) in filled.chunks_exact(g * g).zip(maps.albedo.chunks_exact_mut(n * n)) {
+        pair.each(factor, factor, albedo, exec, |factor, _, value| (value * factor).clamp(0.0, 1.0));
+    }
+    Ok(())
+}
+
+/// How much of each pixel's light is diffuse, [0,1], to `share`; `scratch` is working memory. `both` and `specular` are
+/// renders with and without the diffuse part.
+fn diffuse_shares(
+    photo: &[f32],
+    both: &[f32],
+    specular: &[f32],
+    m: usize,
+    share: &mut [f32],
+    scratch: &mut [f32],
+) {
+    let mean = |planes: &[f32], i: usize| {
+        let at = |c: usize| planes.get(c * m * m + i).copied().unwrap_or(0.0);
+        (at(0) + at(1) + at(2)) / 3.0
+    };
+    for (i, ratio) in scratch.iter_mut().enumerate() {
+        *ratio = mean(photo, i) / (mean(both, i) - mean(specular, i)).max(1e-4);
+    }
+    let middle = scratch.len() / 2;
+    let scale =
+        if scratch.is_empty() { 0.0 } else { *scratch.select_nth_unstable_by(middle, f32::total_cmp).1 };
+    for (i, share) in share.iter_mut().enumerate() {
+        let (photo, both, specular) = (mean(photo, i), mean(both, i), mean(specular, i));
+        let seen = 1.0 - scale * (both - specular) / photo.max(1e-3);
+        let modelled = TRUST * specular / both.max(1e-6);
+        let radius = crate::crf::feature::radius_squared(i % m, i / m, m);
+        let near = expf(-(radius / REACH) * (radius / REACH));
+        *share = 1.0 - near * seen.min(modelled).clamp(0.0, 1.0);
+    }
+}
+
+/// Solves the grid's system for each of the three planes of `low`; `matrix` is zeros.
+#[inline(always)]
+fn fill(low: &[f32], weight: &[f32], g: usize, filled: &mut [f32], matrix: &mut [f32]) {
+    let stride = banded::stride(g);
+    for (i, (row, weight)) in matrix.chunks_exact_mut(stride).zip(weight).enumerate() {
+        let (x, y) = (i % g, i / g);
+        let neighbours =
+            usize::from(x > 0) + usize::from(x + 1 < g) + usize::from(y > 0) + usize::from(y + 1 < g);
+        let mut set = |k: usize, value: f32| {
+            if let Some(place) = row.get_mut(k) {
+                *place = value;
+            }
+        };
+        set(0, weight + SMOOTH * neighbours as f32);
+        if x + 1 < g {
+            set(1, -SMOOTH);
+        }
+        if y + 1 < g {
+            set(g, -SMOOTH);
+        }
+    }
+    banded::factorise(matrix, stride, g);
+    for (filled, low) in filled.chunks_exact_mut(g * g).zip(low.chunks_exact(g * g)) {
+        for ((filled, low), weight) in filled.iter_mut().zip(low).zip(weight) {
+            *filled = weight * low;
+        }
+        banded::solve(matrix, stride, g, filled);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::brdf::Light;
+    use crate::exec::Inline;
+    use std::vec;
+    use std::vec::Vec;
+
+    const N: usize = 128;
+    const FOV: f32 = 43.35;
+
+    /// Flat, glossy plastic of one colour, and its photo.
+    struct Plastic {
+        albedo: Vec<f32>,
+        normal: Vec<f32>,
+        roughness: Vec<f32>,
+        photo: Vec<f32>,
+    }
+
+    impl Plastic {
+        fn new(colour: [f32; 3], roughness: f32) -> Self {
+            let n2 = N * N;
+            let albedo: Vec<f32> = colour.iter().flat_map(|c| vec![*c; n2]).collect();
+            let normal = [vec![0.0; 2 * n2], vec![1.0; n2]].concat();
+            let roughness = vec![roughness; n2];
+            let mut photo = vec![0.0; 3 * n2];
+            let maps = Maps { size: N, albedo: &albedo, normal: &normal, roughness: &roughness };
+            let scene = Scene { fov_deg: FOV, light: Light::default() };
+            brdf::render(&maps, 0.05, &scene, &Inline, &mut photo).expect("a render");
+            photo.iter_mut().for_each(|value| *value = value.min(1.0));
+            Self { albedo, normal, roughness, photo }
+        }
+
+        /// `albedo` after [`restore`].
+        fn restored(&self, mut albedo: Vec<f32>) -> Vec<f32> {
+            let (mut normal, mut roughness) = (self.normal.clone(), self.roughness.clone());
+            let mut maps =
+                MapsMut { size: N, albedo: &mut albedo, normal: &mut normal, roughness: &mut roughness };
+            let clipped = vec![0; N * N];
+            let photo =
+                LinearImage { size: N, rgb: &self.photo, clipped: &clipped, fov_deg: FOV, light_scale: None };
+            let mut memory = vec![0; workspace_bytes(N)];
+            restore(&photo, &mut maps, 0.05, &Inline, &mut Arena::new(&mut memory)).expect("fits");
+            albedo
+        }
+    }
+
+    fn worst(a: &[f32], b: &[f32]) -> f32 {
+        a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
+    }
+
+    #[test]
+    fn a_disc_below_the_highlight_vanishes_and_its_detail_stays() {
+        let plastic = Plastic::new([0.3, 0.1, 0.1], 0.4);
+        // A grey disc of half the brightness under the highlight, with a fine check of 10 %.
+        let mut spoilt = plastic.albedo.clone();
+        let (mut inside, mut detail) = (0, plastic.albedo.clone());
+        for (i, (value, detail)) in spoilt.iter_mut().zip(&mut detail).enumerate() {
+            let (x, y) = (i % N, i / N % N);
+            let check = if (x + y) % 2 == 0 { 1.05 } else { 0.95 };
+            (*value, *detail) = (*value * check, *detail * check);
+            if crate::crf::feature::radius_squared(x, y, N) < 0.04 {
+                *value = 0.08 * check;
+                inside += 1;
+            }
+        }
+        assert!(inside > 1000);
+        let restored = plastic.restored(spoilt.clone());
+        // The grid blurs the disc's edge, so the mean tells more than the worst pixel; the middle is nearly right.
+        let error = |albedo: &[f32]| albedo.iter().zip(&detail).map(|(a, b)| (a - b).abs()).sum::<f32>();
+        let (before, after) = (error(&spoilt), error(&restored));
+        assert!(after < 0.6 * before, "{before}, then {after}");
+        let middle = N * N / 2 + N / 2;
+        let (was, is) = (detail[middle] - spoilt[middle], (detail[middle] - restored[middle]).abs());
+        assert!(is < 0.25 * was, "{was}, then {is}");
+        // Neighbouring pixels keep their ratio.
+        let ratio = restored[middle] / restored[middle + 1];
+        assert!((ratio - 1.05 / 0.95).abs() < 0.02, "{ratio}");
+    }
+
+    #[test]
+    fn a_true_albedo_and_a_matt_one_stay_what_they_are() {
+        let glossy = Plastic::new([0.2, 0.3, 0.1], 0.4);
+        assert!(worst(&glossy.restored(glossy.albedo.clone()), &glossy.albedo) < 1e-3);
+        // Matt: a dark centre is the material's own.
+        let matt = Plastic::new([0.5, 0.5, 0.5], 1.0);
+        let mut dark = matt.albedo.clone();
+        for (i, value) in dark.iter_mut().enumerate() {
+            *value *= 1.0 - 0.4 * expf(-8.0 * crate::crf::feature::radius_squared(i % N, i / N % N, N));
+        }
+        let mut own = Plastic { albedo: dark.clone(), ..matt };
+        let maps = Maps { size: N, albedo: &own.albedo, normal: &own.normal, roughness: &own.roughness };
+        brdf::render(&maps, 0.05, &Scene::flash(FOV, 1.0), &Inline, &mut own.photo).expect("a render");
+        let moved = worst(&own.restored(dark.clone()), &dark);
+        assert!(moved < 0.02, "{moved}");
+    }
+
+    #[test]
+    fn black_photos_and_tiny_ones_are_no_error() {
+        let mut plastic = Plastic::new([0.2, 0.3, 0.1], 0.4);
+        plastic.photo.fill(0.0);
+        assert!(worst(&plastic.restored(plastic.albedo.clone()), &plastic.albedo) < 1e-5);
+        for size in [1, 2, 3, 33] {
+            let (n2, clipped) = (size * size, vec![0; size * size]);
+            let rgb: Vec<f32> = (0..3 * n2).map(|i| (i % 7) as f32 / 7.0).collect();
+            let photo = LinearImage { size, rgb: &rgb, clipped: &clipped, fov_deg: FOV, light_scale: None };
+            let (mut albedo, mut normal, mut roughness) =
+                (vec![0.4; 3 * n2], vec![0.0; 3 * n2], vec![0.5; n2]);
+            normal[2 * n2..].fill(1.0);
+            let mut maps =
+                MapsMut { size, albedo: &mut albedo, normal: &mut normal, roughness: &mut roughness };
+            let mut memory = vec![0; workspace_bytes(size)];
+            restore(&photo, &mut maps, 0.05, &Inline, &mut Arena::new(&mut memory)).expect("fits");
+            // Constant as it was: there is nothing to fill in from.
+            assert!(albedo.iter().all(|v| (v - 0.4).abs() < 1e-4), "{size}");
+        }
+    }
+
+    #[test]
+    fn the_filled_albedo_solves_its_equations() {
+        let g = 8;
+        let low: Vec<f32> = (0..3 * g * g).map(|i| (i * 37 % 53) as f32 / 53.0).collect();
+        let weight: Vec<f32> =
+            (0..g * g).map(|i| if i % 5 == 0 { LEAST } else { (i % 4) as f32 / 4.0 + 0.1 }).collect();
+        let (mut x, mut matrix) = (vec![0.0; 3 * g * g], vec![0.0; g * g * banded::stride(g)]);
+        fill(&low, &weight, g, &mut x, &mut matrix);
+        for (x, low) in x.chunks(g * g).zip(low.chunks(g * g)) {
+            for i in 0..g * g {
+                let (column, row) = ((i % g) as isize, (i / g) as isize);
+                let mut sum = f64::from(weight[i]) * f64::from(x[i] - low[i]);
+                for (dx, dy) in [(1, 0), (-1, 0), (0, 1), (0, -1)] {
+                    let (u, v) = (column + dx, row + dy);
+                    if (0..g as isize).contains(&u) && (0..g as isize).contains(&v) {
+                        sum += f64::from(SMOOTH) * f64::from(x[i] - x[v as usize * g + u as usize]);
+                    }
+                }
+                assert!(sum.abs() < 1e-5, "equation {i}: {sum}");
+            }
+        }
+    }
+}
