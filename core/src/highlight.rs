@@ -9,14 +9,15 @@
 //! x_j)² over neighbours: u the network's albedo, w the mean over the cell of (1 - s)², s the specular share of a pixel's
 //! light. Two estimates bound s, and both must agree: what the photo has above the diffuse render (scaled by the median over
 //! the pixels), and [`TRUST`] times what the BRDF has. The flash is at the camera, so highlights of a flat material lie near
-//! the centre, and s falls off as exp(-(r²/[`REACH`])²). The system is solved exactly (banded Cholesky).
+//! the centre, and s falls off as exp(-(r²/[`REACH`])²). The system is solved exactly (banded Cholesky); the filled albedo then
+//! shows the highlight better, so all is done twice.
 //!
 //! Not in the paper. docs/crf.md has what it changes on test photos.
 use crate::Error;
 use crate::arena::{Arena, bytes_for};
 use crate::brdf::{self, Scene};
-use crate::crf::banded;
-use crate::exec::Executor;
+use crate::crf::{banded, feature::radius_squared};
+use crate::exec::{Executor, Plane, ROWS_PER_BLOCK, for_each_row_block};
 use crate::frame::LinearImage;
 use crate::maps::{Maps, MapsMut};
 use crate::math::{expf, powf};
@@ -32,6 +33,8 @@ pub const TRUST: f32 = 1.5;
 pub const REACH: f32 = 0.6;
 /// Pixels per side at which photo and renders are compared.
 const SEEN: usize = 128;
+/// The filled albedo explains less of a highlight, and shows more of it: how often that is taken in.
+const PASSES: usize = 2;
 /// Least weight of a cell: each has a solution.
 const LEAST: f32 = 1e-3;
 /// Added to both sides of the albedo's ratio, as in `net/scales`.
@@ -48,13 +51,13 @@ fn sizes(size: usize) -> (usize, usize) {
 pub fn workspace_bytes(size: usize) -> usize {
     let (seen, grid) = sizes(size);
     let (plane, cells) = (bytes_for::<f32>(seen * seen), bytes_for::<f32>(grid * grid));
-    // Photo, albedo, normals, roughness, two renders, black, the diffuse part and its ratio; the grid's weights, albedo
-    // and filled albedo, and the matrix.
+    // Photo, albedo, normals, roughness, two renders, black, the diffuse part and its ratio; the grid's weights, albedo,
+    // filled albedo and factors, and the matrix.
     plane
         .saturating_mul(3 + 3 + 3 + 1 + 3 + 3 + 3 + 2)
-        .saturating_add(cells.saturating_mul(1 + 3 + 3))
+        .saturating_add(cells.saturating_mul(1 + 3 + 3 + 3))
         .saturating_add(bytes_for::<f32>(grid * grid * banded::stride(grid)))
-        .saturating_add(16 * crate::arena::ALIGN)
+        .saturating_add(17 * crate::arena::ALIGN)
 }
 
 /// Fills in the albedo of `maps` below highlights, in place; `f0` is the material's specular reflectance.
@@ -75,72 +78,87 @@ pub fn restore(
     let n = maps.size;
     let (m, g) = sizes(n);
     let mut arena = arena.scope();
-    let rgb = shrunk(photo.rgb, n, m, exec, &mut arena)?;
-    let albedo = &*shrunk(maps.albedo, n, m, exec, &mut arena)?;
+    let rgb = &*shrunk(photo.rgb, n, m, exec, &mut arena)?;
+    let albedo = shrunk(maps.albedo, n, m, exec, &mut arena)?;
     let normal = &*shrunk(maps.normal, n, m, exec, &mut arena)?;
     let roughness = &*shrunk(maps.roughness, n, m, exec, &mut arena)?;
-    let low = &*shrunk(albedo, m, g, exec, &mut arena)?;
-
     let scene = Scene::flash(photo.fov_deg, 1.0);
     let (both, specular) = (arena.take(3 * m * m)?, arena.take(3 * m * m)?);
-    brdf::render(&Maps { size: m, albedo, normal, roughness }, f0, &scene, exec, both)?;
     let black = &*arena.zeroed(3 * m * m)?;
     brdf::render(&Maps { size: m, albedo: black, normal, roughness }, f0, &scene, exec, specular)?;
     let share = arena.take::<f32>(m * m)?;
     let ratio = arena.take::<f32>(m * m)?;
-    diffuse_shares(rgb, both, specular, m, share, ratio);
-
+    let (low, filled) = (arena.take::<f32>(3 * g * g)?, arena.take::<f32>(3 * g * g)?);
     let weight = arena.take::<f32>(g * g)?;
-    share.iter_mut().for_each(|share| *share *= *share);
-    shrink(share, m, g, weight, exec);
-    weight.iter_mut().for_each(|weight| *weight = weight.max(LEAST));
-    let filled = arena.take::<f32>(3 * g * g)?;
-    let matrix = arena.zeroed::<f32>(g * g * banded::stride(g))?;
-    exec.simd().run(
-        #[inline(always)]
-        || fill(low, weight, g, filled, matrix),
-    );
-
-    for (filled, low) in filled.chunks_exact_mut(g * g).zip(low.chunks_exact(g * g)) {
-        for ((factor, low), weight) in filled.iter_mut().zip(low).zip(&*weight) {
-            *factor = powf((factor.max(0.0) + FLOOR) / (low + FLOOR), 1.0 - weight.min(1.0));
+    let matrix = arena.take::<f32>(g * g * banded::stride(g))?;
+    let total = arena.take::<f32>(3 * g * g)?;
+    total.fill(1.0);
+    for _ in 0..PASSES {
+        brdf::render(&Maps { size: m, albedo, normal, roughness }, f0, &scene, exec, both)?;
+        diffuse_shares(rgb, both, specular, m, [&mut *share, &mut *ratio], exec);
+        share.iter_mut().for_each(|share| *share *= *share);
+        shrink(share, m, g, weight, exec);
+        weight.iter_mut().for_each(|weight| *weight = weight.max(LEAST));
+        for (low, albedo) in low.chunks_exact_mut(g * g).zip(albedo.chunks_exact(m * m)) {
+            shrink(albedo, m, g, low, exec);
         }
+        matrix.fill(0.0);
+        exec.simd().run(
+            #[inline(always)]
+            || fill(low, weight, g, filled, matrix),
+        );
+        let cells = filled.iter_mut().zip(&*low).zip(weight.iter().cycle()).zip(&mut *total);
+        for (((factor, low), weight), total) in cells {
+            *factor = powf((factor.max(0.0) + FLOOR) / (low + FLOOR), 1.0 - weight.min(1.0));
+            *total *= *factor;
+        }
+        multiply(albedo, m, filled, g, exec);
     }
-    let pair = Pair { n, m: g };
-    for (factor, albedo) in filled.chunks_exact(g * g).zip(maps.albedo.chunks_exact_mut(n * n)) {
-        pair.each(factor, factor, albedo, exec, |factor, _, value| (value * factor).clamp(0.0, 1.0));
-    }
+    multiply(maps.albedo, n, total, g, exec);
     Ok(())
 }
 
-/// How much of each pixel's light is diffuse, [0,1], to `share`; `scratch` is working memory. `both` and `specular` are
+/// Multiplies each of three planes of `n` x `n` with its plane of `factors`, `g` x `g`, interpolated.
+fn multiply(albedo: &mut [f32], n: usize, factors: &[f32], g: usize, exec: &dyn Executor) {
+    let pair = Pair { n, m: g };
+    for (factor, albedo) in factors.chunks_exact(g * g).zip(albedo.chunks_exact_mut(n * n)) {
+        pair.each(factor, factor, albedo, exec, |factor, _, value| (value * factor).clamp(0.0, 1.0));
+    }
+}
+
+/// How much of each pixel's light is diffuse, [0,1], to `share`; `ratio` is working memory. `both` and `specular` are
 /// renders with and without the diffuse part.
 fn diffuse_shares(
     photo: &[f32],
     both: &[f32],
     specular: &[f32],
     m: usize,
-    share: &mut [f32],
-    scratch: &mut [f32],
+    [share, ratio]: [&mut [f32]; 2],
+    exec: &dyn Executor,
 ) {
     let mean = |planes: &[f32], i: usize| {
         let at = |c: usize| planes.get(c * m * m + i).copied().unwrap_or(0.0);
         (at(0) + at(1) + at(2)) / 3.0
     };
-    for (i, ratio) in scratch.iter_mut().enumerate() {
-        *ratio = mean(photo, i) / (mean(both, i) - mean(specular, i)).max(1e-4);
-    }
-    let middle = scratch.len() / 2;
-    let scale =
-        if scratch.is_empty() { 0.0 } else { *scratch.select_nth_unstable_by(middle, f32::total_cmp).1 };
-    for (i, share) in share.iter_mut().enumerate() {
-        let (photo, both, specular) = (mean(photo, i), mean(both, i), mean(specular, i));
-        let seen = 1.0 - scale * (both - specular) / photo.max(1e-3);
-        let modelled = TRUST * specular / both.max(1e-6);
-        let radius = crate::crf::feature::radius_squared(i % m, i / m, m);
-        let near = expf(-(radius / REACH) * (radius / REACH));
-        *share = 1.0 - near * seen.min(modelled).clamp(0.0, 1.0);
-    }
+    for_each_row_block(exec, m, ROWS_PER_BLOCK, Plane::new(ratio, m), &|rows, mut out| {
+        for (i, ratio) in (rows.start * m..).zip(out.values()) {
+            *ratio = mean(photo, i) / (mean(both, i) - mean(specular, i)).max(1e-4);
+        }
+    });
+    let middle = ratio.len() / 2;
+    let scale = if ratio.is_empty() { 0.0 } else { *ratio.select_nth_unstable_by(middle, f32::total_cmp).1 };
+    for_each_row_block(exec, m, ROWS_PER_BLOCK, Plane::new(share, m), &|rows, mut out| {
+        for (y, out) in rows.zip(out.rows()) {
+            for (x, share) in out.iter_mut().enumerate() {
+                let i = y * m + x;
+                let (photo, both, specular) = (mean(photo, i), mean(both, i), mean(specular, i));
+                let seen = 1.0 - scale * (both - specular) / photo.max(1e-3);
+                let modelled = TRUST * specular / both.max(1e-6);
+                let radius = radius_squared(x, y, m) / REACH;
+                *share = 1.0 - expf(-radius * radius) * seen.min(modelled).clamp(0.0, 1.0);
+            }
+        }
+    });
 }
 
 /// Solves the grid's system for each of the three planes of `low`; `matrix` is zeros.
@@ -234,7 +252,7 @@ mod tests {
             let (x, y) = (i % N, i / N % N);
             let check = if (x + y) % 2 == 0 { 1.05 } else { 0.95 };
             (*value, *detail) = (*value * check, *detail * check);
-            if crate::crf::feature::radius_squared(x, y, N) < 0.04 {
+            if radius_squared(x, y, N) < 0.04 {
                 *value = 0.08 * check;
                 inside += 1;
             }
@@ -261,7 +279,7 @@ mod tests {
         let matt = Plastic::new([0.5, 0.5, 0.5], 1.0);
         let mut dark = matt.albedo.clone();
         for (i, value) in dark.iter_mut().enumerate() {
-            *value *= 1.0 - 0.4 * expf(-8.0 * crate::crf::feature::radius_squared(i % N, i / N % N, N));
+            *value *= 1.0 - 0.4 * expf(-8.0 * radius_squared(i % N, i / N % N, N));
         }
         let mut own = Plastic { albedo: dark.clone(), ..matt };
         let maps = Maps { size: N, albedo: &own.albedo, normal: &own.normal, roughness: &own.roughness };
