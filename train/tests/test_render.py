@@ -11,8 +11,9 @@ import torch
 from PIL import Image
 from small_data import random_maps, sky
 
+from flashmat_train.losses import specular_share
 from flashmat_train.render.brdf import distribution, fresnel, geometry_over_cosines, normalise, shade
-from flashmat_train.render.camera import CameraNoise, photograph
+from flashmat_train.render.camera import CameraNoise, _tone_mapped, photograph
 from flashmat_train.render.envmap import (
     Environments,
     Source,
@@ -189,3 +190,32 @@ def test_plain_camera_only_rounds() -> None:
     assert known.tolist() == [1.0] * len(x)
     assert ((photo * 255).round() / 255 - photo).abs().max() < 1e-6
     assert photo.max() == 1 and (photo[x >= 1] == 1).all()
+
+
+def test_local_tone_mapping_evens_out_what_is_large() -> None:
+    """Power 0 changes nothing, power 1 makes the surroundings even; detail stays a ratio."""
+    n = 128
+    fall = torch.linspace(1.0, 0.2, n)[None, None, None, :].expand(2, 3, n, n)
+    check = 1 + 0.1 * ((torch.arange(n)[:, None] + torch.arange(n)[None, :]) % 2 * 2 - 1)
+    x = fall * check
+    out = _tone_mapped(x, torch.tensor([0.0, 1.0]))
+    assert torch.equal(out[0], x[0])
+    columns = out[1].mean(dim=(0, 1))[24:-24]
+    assert float(columns.max() / columns.min()) < 1.1
+    assert torch.allclose(out[1, :, 64, 64] / out[1, :, 64, 65], x[1, :, 64, 64] / x[1, :, 64, 65], rtol=0.02)
+
+
+def test_the_specular_share_is_that_of_the_brdf_head_on() -> None:
+    """At the centre of a flat material: D F / 4 over that and the diffuse part; 1 where the albedo is black."""
+    n, r, albedo, f0 = 65, 0.5, 0.2, 0.05
+    flat = torch.zeros(1, 3, n, n)
+    flat[:, 2] = 1
+    maps = {"albedo": torch.full((1, 3, n, n), albedo), "normal": flat, "roughness": torch.full((1, 1, n, n), r)}
+    geometry = tilted(n, torch.tensor([FOV_DEG]), torch.zeros(1, 2))
+    to_light = geometry.view
+    share = specular_share(maps, torch.full((1, 1, 1, 1), f0), geometry.view, to_light)
+    specular = f0 / (math.pi * r**4) / 4
+    wanted = specular / (specular + albedo / math.pi)
+    assert float(share[0, 0, n // 2, n // 2]) == pytest.approx(wanted, rel=2e-3)
+    black = specular_share(maps | {"albedo": flat * 0}, torch.full((1, 1, 1, 1), f0), geometry.view, to_light)
+    assert torch.allclose(black, torch.ones_like(black))

@@ -166,6 +166,7 @@ def test_losses_see_tints_highlights_and_the_room() -> None:
     target = batch.target | {"photo": bright}
     fine = {k: target[k].clone() for k in ("albedo", "normal", "roughness", "room")}
     fine["albedo"] = target["albedo"] = target["albedo"].clamp(0.1, 0.7)
+    fine["roughness"] = target["roughness"] = torch.ones_like(target["roughness"])  # no highlight but the bright square
     fine["class_logits"] = torch.zeros(2, 8)
 
     def terms(**changed: torch.Tensor) -> dict[str, float]:
@@ -182,6 +183,15 @@ def test_losses_see_tints_highlights_and_the_room() -> None:
     beside[:, :, 80:100, 40:60] += 0.1
     w = LossWeights().bright
     assert terms(albedo=below)["albedo"] == pytest.approx((1 + w) * terms(albedo=beside)["albedo"], rel=1e-4)
+    # glossy now, and photographed dark: the highlight in the middle counts by itself
+    fine["roughness"] = target["roughness"] = torch.full_like(target["roughness"], 0.3)
+    flat = torch.tensor([0.0, 0.0, 1.0])[None, :, None, None].expand_as(target["normal"])
+    fine["normal"] = target["normal"] = flat
+    target["photo"] = torch.full_like(bright, 0.3)
+    middle, corner = fine["albedo"].clone(), fine["albedo"].clone()
+    middle[:, :, 60:68, 60:68] += 0.1
+    corner[:, :, :8, :8] += 0.1
+    assert terms(albedo=middle)["albedo"] == pytest.approx((1 + w) * terms(albedo=corner)["albedo"], rel=0.05)
     assert terms(room=fine["room"] + 0.2)["room"] == pytest.approx(0.04, rel=1e-4)
 
 
