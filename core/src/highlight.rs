@@ -331,4 +331,33 @@ mod tests {
             }
         }
     }
+
+    #[test]
+    fn neither_level_nor_threads_change_a_bit() {
+        use crate::crf::scenes::Scene;
+        use crate::exec::At;
+        use crate::kernels::{Kernels, Simd};
+        let size = 200;
+        let run = |exec: &dyn Executor| -> Vec<u32> {
+            let mut scene = Scene::tiles(size, 5);
+            let (rgb, clipped) = (scene.photo.clone(), scene.clipped.clone());
+            let photo = LinearImage { size, rgb: &rgb, clipped: &clipped, fov_deg: FOV, light_scale: None };
+            let Scene { albedo, normal, roughness, .. } = &mut scene;
+            let mut memory = vec![0; workspace_bytes(size)];
+            let mut maps = MapsMut { size, albedo, normal, roughness };
+            restore(&photo, &mut maps, 0.05, exec, &mut Arena::new(&mut memory)).expect("fits");
+            scene.albedo.iter().map(|value| value.to_bits()).collect()
+        };
+        let plain = run(&Inline);
+        assert_ne!(plain, Scene::tiles(size, 5).albedo.iter().map(|v| v.to_bits()).collect::<Vec<_>>());
+        for kernels in Kernels::supported() {
+            let simd = Simd::for_level(kernels.level()).expect("a level of this CPU");
+            assert!(run(&At::new(&Inline, simd)) == plain, "{}", kernels.level().name());
+        }
+        #[cfg(feature = "parallel")]
+        for threads in [2, 3] {
+            let pool = crate::exec::Pool::new(threads).expect("threads");
+            assert!(run(&pool) == plain, "{threads} threads");
+        }
+    }
 }

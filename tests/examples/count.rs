@@ -9,19 +9,21 @@ use flashmat_core::brdf::{self, Light};
 use flashmat_core::crf::scenes::{FOV, Scene};
 use flashmat_core::crf::{self, Coefficients, Energy, Options};
 use flashmat_core::exec::{At, Inline};
-use flashmat_core::frame::{FieldOfView, Frame, prepare, prepare_bytes};
+use flashmat_core::frame::{FieldOfView, Frame, LinearImage, prepare, prepare_bytes};
+use flashmat_core::highlight;
 use flashmat_core::kernels::{Kernels, Level, Simd};
-use flashmat_core::maps::Maps;
+use flashmat_core::maps::{Maps, MapsMut};
 use flashmat_core::net::{Model, Network};
 use flashmat_core::search;
 use flashmat_tests::models::{Widths, random_model};
 use flashmat_tests::runs::{NetRun, smooth_photo};
 
-const STAGES: [&str; 9] = [
+const STAGES: [&str; 10] = [
     "load",
     "frame-rgb",
     "frame-yuv",
     "network",
+    "highlight",
     "crf-albedo",
     "crf-normal",
     "search",
@@ -72,6 +74,18 @@ fn main() {
         }
         "crf-roughness" => {
             refine(runs, &Scene::tiles(size, 81).roughness(), &Coefficients::default().roughness, &exec);
+        }
+        "highlight" => {
+            let mut scene = Scene::tiles(size, 81);
+            let (rgb, clipped) = (scene.photo.clone(), scene.clipped.clone());
+            let photo = LinearImage { size, rgb: &rgb, clipped: &clipped, fov_deg: FOV, light_scale: None };
+            let mut work = vec![0; highlight::workspace_bytes(size)];
+            let Scene { albedo, normal, roughness, .. } = &mut scene;
+            timed(runs, || {
+                let mut maps = MapsMut { size, albedo, normal, roughness };
+                highlight::restore(&photo, &mut maps, 0.05, &exec, &mut Arena::new(&mut work))
+                    .expect("restored");
+            });
         }
         "search" => {
             let (scene, light) = (Scene::tiles(size, 81), Light::default());
