@@ -10,7 +10,8 @@
 //! light. Two estimates bound s, and both must agree: what the photo has above the diffuse render (scaled by the median over
 //! the pixels), and [`TRUST`] times what the BRDF has. The flash is at the camera, so highlights of a flat material lie near
 //! the centre, and s falls off as exp(-(r²/[`REACH`])²). The system is solved exactly (banded Cholesky); the filled albedo then
-//! shows the highlight better, so all is done twice.
+//! shows the highlight better, so all is done twice. Where filling in would change the brightness by [`MOST`] or more it is
+//! rather the material that changes, a dark patch beside a white one, and little is done.
 //!
 //! Not in the paper. docs/crf.md has what it changes on test photos.
 use crate::Error;
@@ -20,7 +21,7 @@ use crate::crf::{banded, feature::radius_squared};
 use crate::exec::{Executor, Plane, ROWS_PER_BLOCK, for_each_row_block};
 use crate::frame::LinearImage;
 use crate::maps::{Maps, MapsMut};
-use crate::math::{expf, powf};
+use crate::math::{expf, log2f, powf};
 use crate::pyramid::{Pair, shrink, shrunk};
 
 /// Most cells to a side.
@@ -35,6 +36,8 @@ pub const REACH: f32 = 0.6;
 const SEEN: usize = 128;
 /// The filled albedo explains less of a highlight, and shows more of it: how often that is taken in.
 const PASSES: usize = 2;
+/// A change of brightness that is hardly believed any more.
+pub const MOST: f32 = 2.0;
 /// Least weight of a cell: each has a solution.
 const LEAST: f32 = 1e-3;
 /// Added to both sides of the albedo's ratio, as in `net/scales`.
@@ -107,15 +110,30 @@ pub fn restore(
             #[inline(always)]
             || fill(low, weight, g, filled, matrix),
         );
+        believe(low, filled, weight);
         let cells = filled.iter_mut().zip(&*low).zip(weight.iter().cycle()).zip(&mut *total);
-        for (((factor, low), weight), total) in cells {
-            *factor = powf((factor.max(0.0) + FLOOR) / (low + FLOOR), 1.0 - weight.min(1.0));
+        for (((factor, low), belief), total) in cells {
+            *factor = powf((factor.max(0.0) + FLOOR) / (low + FLOOR), *belief);
             *total *= *factor;
         }
         multiply(albedo, m, filled, g, exec);
     }
     multiply(maps.albedo, n, total, g, exec);
     Ok(())
+}
+
+/// Makes the weights how far each cell's filled albedo is believed, [0,1]: as far as the cell is highlight, and less where its
+/// brightness changed by a factor near [`MOST`] or more, for then it is rather the material that changes there.
+fn believe(low: &[f32], filled: &[f32], weight: &mut [f32]) {
+    let cells = weight.len();
+    let mean = |planes: &[f32], i: usize| {
+        let at = |c: usize| planes.get(c * cells + i).copied().unwrap_or(0.0);
+        (at(0) + at(1) + at(2)) / 3.0
+    };
+    for (i, weight) in weight.iter_mut().enumerate() {
+        let change = log2f((mean(filled, i).max(0.0) + FLOOR) / (mean(low, i) + FLOOR)) / log2f(MOST);
+        *weight = (1.0 - weight.min(1.0)) * expf(-change * change);
+    }
 }
 
 /// Multiplies each of three planes of `n` x `n` with its plane of `factors`, `g` x `g`, interpolated.
@@ -245,7 +263,7 @@ mod tests {
     #[test]
     fn a_disc_below_the_highlight_vanishes_and_its_detail_stays() {
         let plastic = Plastic::new([0.3, 0.1, 0.1], 0.4);
-        // A grey disc of half the brightness under the highlight, with a fine check of 10 %.
+        // A grey disc under the highlight, with a fine check of 10 %.
         let mut spoilt = plastic.albedo.clone();
         let (mut inside, mut detail) = (0, plastic.albedo.clone());
         for (i, (value, detail)) in spoilt.iter_mut().zip(&mut detail).enumerate() {
@@ -253,7 +271,7 @@ mod tests {
             let check = if (x + y) % 2 == 0 { 1.05 } else { 0.95 };
             (*value, *detail) = (*value * check, *detail * check);
             if radius_squared(x, y, N) < 0.04 {
-                *value = 0.08 * check;
+                *value = 0.12 * check;
                 inside += 1;
             }
         }
