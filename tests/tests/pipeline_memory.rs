@@ -1,4 +1,4 @@
-//! A whole capture allocates nothing, at the training size, above it (where the network runs twice), and above
+//! A whole capture allocates nothing, at the training size, above it (where the network runs thrice), and above
 //! the CRFs' grid.
 use flashmat_core::Silent;
 use flashmat_core::exec::Inline;
