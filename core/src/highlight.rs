@@ -126,14 +126,17 @@ pub fn restore(
 /// brightness changed by a factor near [`MOST`] or more, for then it is rather the material that changes there.
 fn believe(low: &[f32], filled: &[f32], weight: &mut [f32]) {
     let cells = weight.len();
-    let mean = |planes: &[f32], i: usize| {
-        let at = |c: usize| planes.get(c * cells + i).copied().unwrap_or(0.0);
-        (at(0) + at(1) + at(2)) / 3.0
-    };
+    let mean = |planes: &[f32], i: usize| mean(planes, cells, i);
     for (i, weight) in weight.iter_mut().enumerate() {
         let change = log2f((mean(filled, i).max(0.0) + FLOOR) / (mean(low, i) + FLOOR)) / log2f(MOST);
         *weight = (1.0 - weight.min(1.0)) * expf(-change * change);
     }
+}
+
+/// The mean of value `i` of three planes of `plane` values.
+fn mean(planes: &[f32], plane: usize, i: usize) -> f32 {
+    let at = |c: usize| planes.get(c * plane + i).copied().unwrap_or(0.0);
+    (at(0) + at(1) + at(2)) / 3.0
 }
 
 /// Multiplies each of three planes of `n` x `n` with its plane of `factors`, `g` x `g`, interpolated.
@@ -154,10 +157,7 @@ fn diffuse_shares(
     [share, ratio]: [&mut [f32]; 2],
     exec: &dyn Executor,
 ) {
-    let mean = |planes: &[f32], i: usize| {
-        let at = |c: usize| planes.get(c * m * m + i).copied().unwrap_or(0.0);
-        (at(0) + at(1) + at(2)) / 3.0
-    };
+    let mean = |planes: &[f32], i: usize| mean(planes, m * m, i);
     for_each_row_block(exec, m, ROWS_PER_BLOCK, Plane::new(ratio, m), &|rows, mut out| {
         for (i, ratio) in (rows.start * m..).zip(out.values()) {
             *ratio = mean(photo, i) / (mean(both, i) - mean(specular, i)).max(1e-4);

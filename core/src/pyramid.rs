@@ -1,7 +1,7 @@
 //! Planes and smaller ones of the same picture: area averages down, bilinear interpolation up.
 //!
-//! The network's two looks are joined so (`net/scales`), and photos larger than the CRFs' grid are refined so
-//! (`pipeline/reduced`).
+//! The network's looks are joined so (`net/scales`), albedo is filled in so below highlights (`highlight`), and photos larger
+//! than the CRFs' grid are refined so (`pipeline/reduced`).
 use crate::Error;
 use crate::arena::Arena;
 use crate::exec::{Executor, Plane, ROWS_PER_BLOCK, for_each_row_block};
@@ -18,7 +18,6 @@ pub(crate) fn shrink(large: &[f32], n: usize, m: usize, small: &mut [f32], exec:
                 }
                 continue;
             }
-            let vertical = Cover::new(row, ratio, n);
             if n == n / m * m {
                 let whole = n / m;
                 let rows = large.chunks_exact(n).skip(row * whole).take(whole);
@@ -31,6 +30,7 @@ pub(crate) fn shrink(large: &[f32], n: usize, m: usize, small: &mut [f32], exec:
                 out.iter_mut().for_each(|out| *out /= ratio * ratio);
                 continue;
             }
+            let vertical = Cover::new(row, ratio, n);
             for (column, out) in out.iter_mut().enumerate() {
                 let across = Cover::new(column, ratio, n);
                 let mut sum = 0.0;

@@ -96,14 +96,7 @@ impl<'a> First<'a> {
             let photo = shrunk(run.photo.rgb, n, m, run.exec, &mut arena)?;
             let albedo = shrunk(maps.albedo, n, m, run.exec, &mut arena)?;
             let energy = Albedo { size: m, photo, albedo };
-            solver[0] = refine_at(
-                &energy,
-                &coefficients.albedo,
-                &run.options.solver,
-                (&mut *maps.albedo, n),
-                run.exec,
-                &mut arena,
-            )?;
+            solver[0] = refined_smaller(&energy, &coefficients.albedo, run, maps.albedo, &mut arena)?;
         } else if run.options.refine {
             let energy = Albedo { size: n, photo: run.photo.rgb, albedo: maps.albedo };
             (maps.albedo, solver[0]) = refined(&energy, &coefficients.albedo, run, arena)?;
@@ -124,6 +117,17 @@ fn refined<'a, E: Energy<N>, const N: usize>(
     Ok((out, report))
 }
 
+/// Refines `map` in place by `energy`, whose inputs were shrunk; returns what the solver did.
+fn refined_smaller<E: Energy<N>, const N: usize>(
+    energy: &E,
+    coefficients: &[f32; N],
+    run: &Run<'_, '_>,
+    map: &mut [f32],
+    arena: &mut Arena<'_>,
+) -> Result<crf::Report, Error> {
+    refine_at(energy, coefficients, &run.options.solver, (map, run.photo.size), run.exec, arena)
+}
+
 impl<'a> WithAlbedo<'a> {
     pub(super) fn normal(
         mut self,
@@ -137,14 +141,8 @@ impl<'a> WithAlbedo<'a> {
             let normal = shrunk(maps.normal, n, m, run.exec, &mut arena)?;
             let albedo = shrunk(maps.albedo, n, m, run.exec, &mut arena)?;
             let energy = Normal { size: m, normal, albedo };
-            self.solver[1] = refine_at(
-                &energy,
-                &self.coefficients.normal,
-                &run.options.solver,
-                (&mut *maps.normal, n),
-                run.exec,
-                &mut arena,
-            )?;
+            self.solver[1] =
+                refined_smaller(&energy, &self.coefficients.normal, run, maps.normal, &mut arena)?;
         } else if run.options.refine {
             let energy = Normal { size: n, normal: maps.normal, albedo: maps.albedo };
             (maps.normal, self.solver[1]) = refined(&energy, &self.coefficients.normal, run, arena)?;
@@ -190,14 +188,8 @@ impl<'a> Searched<'a> {
                 let search = shrunk(search, n, m, run.exec, &mut arena)?;
                 search.iter_mut().zip(&*seen).for_each(|(found, seen)| *found /= seen.max(1e-6));
                 let energy = Roughness { size: m, photo, albedo, network, search, observability: Some(seen) };
-                solver[2] = refine_at(
-                    &energy,
-                    &coefficients.roughness,
-                    &run.options.solver,
-                    (&mut *maps.roughness, n),
-                    run.exec,
-                    &mut arena,
-                )?;
+                solver[2] =
+                    refined_smaller(&energy, &coefficients.roughness, run, maps.roughness, &mut arena)?;
             }
             Some(search) => {
                 let energy = Roughness {
