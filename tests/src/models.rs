@@ -135,12 +135,22 @@ impl Builder {
         output
     }
 
-    fn dense(&mut self, text: &str, source: usize, count: usize, relu: u32) -> usize {
-        let inputs = self.channels[source];
+    /// Means of one image or two.
+    fn means(&mut self, text: &str, sources: &[usize]) -> usize {
+        let count = sources.iter().map(|&s| self.channels[s]).sum();
+        let output = self.tensor(text, count, 0, 1.0, 0);
+        let read = [(1, sources[0] as u32), (3, sources.get(1).map_or(NONE, |&s| s as u32))];
+        self.layer(text, &[&read[..], &[(0, 2), (5, output as u32), (17, count as u32)]].concat());
+        output
+    }
+
+    fn dense(&mut self, text: &str, sources: &[usize], count: usize, relu: u32) -> usize {
+        let inputs: usize = sources.iter().map(|&s| self.channels[s]).sum();
         let output = self.tensor(text, count, 0, 1.0, 0);
         let (weights, bias) = (self.floats(count * inputs, 0.1), self.floats(count, 0.1));
-        let fields = [(0, 3), (1, source as u32), (5, output as u32), (13, relu), (17, count as u32)];
-        self.layer(text, &[&fields[..], &[(18, weights), (19, bias)]].concat());
+        let read = [(1, sources[0] as u32), (3, sources.get(1).map_or(NONE, |&s| s as u32))];
+        let fields = [(0, 3), (5, output as u32), (13, relu), (17, count as u32), (18, weights), (19, bias)];
+        self.layer(text, &[&read[..], &fields].concat());
         output
     }
 
@@ -168,13 +178,10 @@ pub fn random_model(widths: &Widths, seed: u64) -> Vec<u8> {
         levels.push(level);
     }
     let deepest = *levels.last().expect("the input at least");
-    let texture = levels[levels.len().min(5) - 1];
-    let means = b.channels[deepest] + b.channels[texture];
-    let pooled = b.tensor("pool", means, 0, 1.0, 0);
-    let fields = [(0, 2), (1, deepest as u32), (3, texture as u32), (5, pooled as u32), (17, means as u32)];
-    b.layer("pool", &fields);
-    let hidden = b.dense("hidden", pooled, 128, 1);
-    let logits = b.dense("logits", hidden, 8, 0);
+    let texture = |stage: usize| levels[levels.len().min(stage + 2) - 1];
+    let pools = [b.means("pool0", &[deepest, texture(3)]), b.means("pool1", &[texture(4), texture(5)])];
+    let hidden = b.dense("hidden", &pools, 128, 1);
+    let logits = b.dense("logits", &[hidden], 8, 0);
     let detail = b.conv("detail", &[input], false, widths.detail, 2, 2);
     for (map, (text, maps)) in [("albedo", 3), ("normal", 3), ("roughness", 1)].into_iter().enumerate() {
         let mut last = deepest;

@@ -88,8 +88,10 @@ def consumers(network: Network) -> dict[str, list[tuple[nn.Module, int]]]:
     out: dict[str, list[tuple[nn.Module, int]]] = {name: [] for name in named}
     for i in range(1, depth):
         out[f"enc{i - 1}"].append((named[f"enc{i}"].conv, 0))
-    out[f"enc{depth - 1}"].append((network.classifier[0], 0))
-    out[f"enc{network.config.texture}"].append((network.classifier[0], network.config.encoder[-1]))
+    first = 0
+    for stage in (depth - 1, *network.config.texture):
+        out[f"enc{stage}"].append((network.classifier[0], first))
+        first += network.config.encoder[stage]
     for name, decoder in network.decoders.items():
         previous = f"enc{depth - 1}"
         for i in range(len(decoder.blocks)):
@@ -169,19 +171,22 @@ def build(network: Network, ranges: dict[str, float], meta: dict, card: str, crf
             )
         )
 
-    def dense(name: str, source: str, layer: nn.Linear, relu: bool) -> None:
+    def dense(name: str, sources: tuple[str, ...], layer: nn.Linear, relu: bool) -> None:
         tensor(name, layer.out_features, 0)
         w, b = layer.weight.detach().float().numpy(), layer.bias.detach().float().numpy()
-        layers.append(modelfile.Dense(name, source, name, w, b, relu))
+        layers.append(modelfile.Dense(name, sources, name, w, b, relu))
 
     previous = "input"
     for i, block in enumerate(network.encoder):
         conv(f"enc{i}", (Source(previous),), 2 ** (i + 1), block)
         previous = f"enc{i}"
-    tensor("pooled", config.encoder[-1] + config.encoder[config.texture], 0)
-    layers.append(modelfile.MeanPool("pooled", (previous, f"enc{config.texture}"), "pooled"))
-    dense("hidden", "pooled", network.classifier[0], True)
-    dense("logits", "hidden", network.classifier[2], False)
+    read = (depth - 1, *config.texture)
+    pooled = [read[i : i + 2] for i in range(0, len(read), 2)]  # a layer has two sources at most
+    for i, stages in enumerate(pooled):
+        tensor(f"pooled{i}", sum(config.encoder[stage] for stage in stages), 0)
+        layers.append(modelfile.MeanPool(f"pooled{i}", tuple(f"enc{stage}" for stage in stages), f"pooled{i}"))
+    dense("hidden", tuple(f"pooled{i}" for i in range(len(pooled))), network.classifier[0], True)
+    dense("logits", ("hidden",), network.classifier[2], False)
     detail: tuple[Source, ...] = ()
     if network.detail is not None:
         conv("detail", (Source("input"),), 2, network.detail)

@@ -76,7 +76,7 @@ def build(network: Network) -> Any:
         features.append(x)
     means = [
         b.add("Flatten", [b.add("GlobalAveragePool", [y], f"pooled{i}")], f"pooled{i}.flat")
-        for i, y in enumerate((x, features[network.config.texture]))
+        for i, y in enumerate((x, *(features[stage] for stage in network.config.texture)))
     ]
     flat = b.add("Concat", means, "pooled", axis=1)
     hidden = b.add("Relu", [b.dense("hidden.sum", flat, network.classifier[0])], "hidden")

@@ -173,7 +173,7 @@ def run_int8(graph: Graph, input_q: Array, override: int | None = None) -> Resul
                 means.append(mean * F32(graph.tensor(source).scale))
             result.tensors[layer.output] = np.concatenate(means)
         elif isinstance(layer, Dense):
-            result.tensors[layer.output] = _dense(layer, result.tensors[layer.source], F32)
+            result.tensors[layer.output] = _dense(layer, np.concatenate([result.tensors[s] for s in layer.sources]), F32)
             _set_probabilities(graph, result, layer.output, override)
         else:
             image = _join(graph, layer.sources, centred)
@@ -194,7 +194,7 @@ def run_float(graph: Graph, image: Array, override: int | None = None) -> Result
         elif isinstance(layer, MeanPool):
             result.tensors[layer.output] = np.concatenate([result.tensors[s].mean(axis=(0, 1)) for s in layer.sources])
         elif isinstance(layer, Dense):
-            result.tensors[layer.output] = _dense(layer, result.tensors[layer.source], np.float64)
+            result.tensors[layer.output] = _dense(layer, np.concatenate([result.tensors[s] for s in layer.sources]), np.float64)
             _set_probabilities(graph, result, layer.output, override)
         else:
             joined = _join(graph, layer.sources, result.tensors.__getitem__)

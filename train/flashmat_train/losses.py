@@ -30,7 +30,7 @@ class LossWeights:
     chroma: float = 1.0  # L1 on the hue of 8x8 means: no tint where a highlight was
     bright: float = 3.0  # albedo's errors where the photo is nearly white or mostly highlight count so many times more
     room: float = 1.0  # the guess of the room's light: what tells it apart tells the albedo's brightness
-    cls: float = 0.3
+    cls: float = 0.5
 
 
 def normal_weights(normal: Tensor) -> Tensor:

@@ -37,7 +37,7 @@ class NetworkConfig:
     encoder: tuple[int, ...]
     decoder: tuple[int, ...]
     classifier: int = 128
-    texture: int = 3  # encoder stage whose mean the classifier reads beside the deepest's: texture without order
+    texture: tuple[int, ...] = (3, 4, 5)  # stages whose means the classifier reads beside the deepest's: texture
     room: int = 0  # hidden width of the guess of the room's light, a help in training that is not exported; 0: none
     detail: int = 0  # channels at half resolution, straight from the photo, that the heads read too; 0: none
     encoder_kernel: int = 4
@@ -49,7 +49,10 @@ class NetworkConfig:
 
     @staticmethod
     def fromdict(d: dict) -> NetworkConfig:
-        return NetworkConfig(**{k: tuple(v) if isinstance(v, list) else v for k, v in d.items()})
+        d = {k: tuple(v) if isinstance(v, list) else v for k, v in d.items()}
+        if isinstance(d.get("texture"), int):  # checkpoints of one stage
+            d["texture"] = (d["texture"],)
+        return NetworkConfig(**d)
 
 
 PRESETS = {
@@ -126,7 +129,7 @@ class Network(nn.Module):
         self.encoder = nn.ModuleList(ConvBlock(a, b, config.encoder_kernel, 2) for a, b in itertools.pairwise(widths))
         self.detail = ConvBlock(INPUT_CHANNELS, config.detail, 2, 2) if config.detail else None
         self.decoders = nn.ModuleDict({name: Decoder(config, n) for name, n in HEADS.items()})
-        pooled = config.encoder[-1] + config.encoder[config.texture]
+        pooled = config.encoder[-1] + sum(config.encoder[i] for i in config.texture)
         self.classifier = nn.Sequential(
             nn.Linear(pooled, config.classifier),
             nn.ReLU(),
@@ -145,8 +148,9 @@ class Network(nn.Module):
         return features, self.pooled(features)
 
     def pooled(self, features: list[Tensor]) -> Tensor:
-        """What the classifier reads: means over space of the deepest features and of the texture stage's."""
-        return torch.cat([f.float().mean(dim=(2, 3)) for f in (features[-1], features[self.config.texture])], dim=1)
+        """What the classifier reads: means over space of the deepest features and of the texture stages'."""
+        read = (features[-1], *(features[i] for i in self.config.texture))
+        return torch.cat([f.float().mean(dim=(2, 3)) for f in read], dim=1)
 
     def classify(self, x: Tensor) -> Tensor:
         """Class logits alone (variant `clsOnly`)."""

@@ -98,7 +98,7 @@ class Dense:
     """Fully connected float layer."""
 
     name: str
-    source: str
+    sources: tuple[str, ...]  # one vector or two, one after the other
     output: str
     weight: Array  # f32 [out][in]
     bias: Array  # f32 [out]
@@ -268,7 +268,9 @@ def _layer_record(graph: Graph, ids: dict[str, int], layer: Layer, sections: dic
         count = sum(graph.tensor(s).channels for s in layer.sources)
         _require(count == graph.tensor(layer.output).channels, f"{layer.name}: one mean per channel of its sources")
     else:
-        fields[1] = ids[layer.source]
+        _require(1 <= len(layer.sources) <= 2, f"{layer.name}: a layer reads one or two sources")
+        for field, source in zip((1, 3), layer.sources, strict=False):
+            fields[field] = ids[source]
     if isinstance(layer, Conv):
         _require(
             layer.weight_q.dtype == np.int8 and int(layer.weight_q.min()) >= -127,
@@ -298,7 +300,8 @@ def _layer_record(graph: Graph, ids: dict[str, int], layer: Layer, sections: dic
         fields[0], fields[5] = OP_MEAN_POOL, ids[layer.output]
         fields[17] = graph.tensor(layer.output).channels
     elif isinstance(layer, Dense):
-        shape = (graph.tensor(layer.output).channels, graph.tensor(layer.source).channels)
+        inputs = sum(graph.tensor(source).channels for source in layer.sources)
+        shape = (graph.tensor(layer.output).channels, inputs)
         _require(
             layer.weight.shape == shape and layer.bias.shape == shape[:1],
             f"{layer.name}: weights must be {shape}",
@@ -432,7 +435,7 @@ def _parse_layer(sections: dict[str, bytes], tensors: list[Tensor], record: byte
         weight = _floats(params, fields[18], (cout, cin))
         return Dense(
             name,
-            sources[0].tensor,
+            tuple(s.tensor for s in sources),
             tensors[fields[5]].name,
             weight,
             _floats(params, fields[19], (cout,)),

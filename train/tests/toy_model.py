@@ -57,15 +57,16 @@ class ToyBuilder:
         )
         return name
 
-    def classifier(self, sources: tuple[str, str], hidden: int) -> None:
-        """Adds the means of two tensors and two dense layers, the second giving the logits."""
-        channels = sum(self.tensors[source].channels for source in sources)
-        for name, count in (("pool", channels), ("hidden", hidden), ("logits", 8)):
+    def classifier(self, pools: tuple[tuple[str, ...], tuple[str, ...]], hidden: int) -> None:
+        """Adds the means of one or two tensors, twice, and two dense layers, the second giving the logits."""
+        channels = [sum(self.tensors[source].channels for source in sources) for sources in pools]
+        for name, count in (("pool", channels[0]), ("pool2", channels[1]), ("hidden", hidden), ("logits", 8)):
             self.tensors[name] = Tensor(name, count, 0)
-        self.layers.append(MeanPool("pool", sources, "pool"))
+        for name, sources in zip(("pool", "pool2"), pools, strict=True):
+            self.layers.append(MeanPool(name, sources, name))
         for name, read, fan_in, fan_out in (
-            ("hidden", "pool", channels, hidden),
-            ("logits", "hidden", hidden, 8),
+            ("hidden", ("pool", "pool2"), sum(channels), hidden),
+            ("logits", ("hidden",), hidden, 8),
         ):
             weight = self.rng.normal(0, 1.5 / np.sqrt(fan_in), (fan_out, fan_in)).astype(np.float32)
             bias = self.rng.normal(0, 0.2, fan_out).astype(np.float32)
@@ -92,7 +93,7 @@ def _build(seed: int, ranges: dict[str, tuple[float, float]]) -> Model:
     mid = toy.conv("enc2", (Source(low),), 13, (4, 4), 2)
     deep = toy.conv("enc3", (Source(mid),), 34, (3, 3), 2, (0, 0, 1, 1), relu=False)
     deep = toy.conv("enc4", (Source(deep),), 18, (1, 1), 1, (0, 0, 0, 0))
-    toy.classifier((deep, mid), 24)
+    toy.classifier(((deep, mid), (low,)), 24)
     detail = Source(toy.conv("detail", (Source("input"),), 5, (2, 2), 2, (0, 0, 0, 0)))
     for kind, width in (("albedo", 7), ("normal", 6), ("roughness", 5)):
         up = toy.conv(f"{kind}1", (Source(deep, True), Source(mid)), width + 7)

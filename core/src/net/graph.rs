@@ -143,6 +143,8 @@ pub struct MeanPool {
 pub struct Dense<'m> {
     /// Vector read.
     pub source: usize,
+    /// Another one, whose values follow those of the first.
+    pub second: Option<usize>,
     /// Vector written.
     pub output: usize,
     /// Negative results become 0.
@@ -217,7 +219,7 @@ impl Op<'_> {
                 (sources.first.tensor, sources.second.map(|s| s.tensor))
             }
             Self::MeanPool(pool) => (pool.source, pool.second),
-            Self::Dense(dense) => (dense.source, None),
+            Self::Dense(dense) => (dense.source, dense.second),
         };
         [Some(first), second].into_iter().flatten()
     }

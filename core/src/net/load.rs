@@ -337,10 +337,7 @@ impl<'m> Loader<'_, 'm> {
 
     fn read_pool(&mut self, fields: &mut Fields) -> Result<MeanPool, ModelError> {
         let (source, shape) = self.read(fields.take(field::SOURCE0), true)?;
-        let (second, more) = match fields.take(field::SOURCE1) {
-            NONE => (None, 0),
-            id => self.read(id, true).map(|(tensor, shape)| (Some(tensor), shape.channels))?,
-        };
+        let (second, more) = self.second(fields, true)?;
         let channels = fields.take(field::COUT) as usize;
         if channels != shape.channels + more {
             return Err(self.shape_error());
@@ -350,14 +347,14 @@ impl<'m> Loader<'_, 'm> {
     }
 
     fn read_dense(&mut self, fields: &mut Fields) -> Result<Dense<'m>, ModelError> {
-        self.no_second_source(fields)?;
         let (source, shape) = self.read(fields.take(field::SOURCE0), false)?;
+        let (second, more) = self.second(fields, false)?;
         let relu = self.flag(fields.take(field::RELU))?;
         let cout = fields.take(field::COUT) as usize;
         let output = self.write(fields.take(field::OUTPUT), cout, 0)?;
-        let weights = self.floats(fields.take(field::WEIGHTS), cout * shape.channels)?;
+        let weights = self.floats(fields.take(field::WEIGHTS), cout * (shape.channels + more))?;
         let bias = self.floats(fields.take(field::BIAS), cout)?;
-        Ok(Dense { source, output, relu, weights, bias })
+        Ok(Dense { source, second, output, relu, weights, bias })
     }
 
     fn read_head(&mut self, fields: &mut Fields, logits: usize) -> Result<MixHead<'m>, ModelError> {
@@ -391,7 +388,11 @@ impl<'m> Loader<'_, 'm> {
         Ok(MixHead { sources, map, window, cin, cout, shuffle: divisor, classes, weights, bias })
     }
 
-    fn no_second_source(&self, fields: &mut Fields) -> Result<(), ModelError> {
-        if fields.take(field::SOURCE1) == NONE { Ok(()) } else { Err(self.source_error()) }
+    /// The second source, if there is one, of a layer that reads images or vectors as they are, and its channels.
+    fn second(&self, fields: &mut Fields, image: bool) -> Result<(Option<usize>, usize), ModelError> {
+        match fields.take(field::SOURCE1) {
+            NONE => Ok((None, 0)),
+            id => self.read(id, image).map(|(tensor, shape)| (Some(tensor), shape.channels)),
+        }
     }
 }

@@ -332,9 +332,9 @@ impl<'m> State<'_, 'm> {
                 self.tap.vector(output, tensor, values);
             }
             Op::Dense(dense) => {
-                let source = self.place(dense.source);
+                let places = [self.place(dense.source), dense.second.map_or(Place::default(), |s| self.place(s))];
                 let (before, values, after) = carve(self.vectors, hole);
-                op_dense::run(dense, find(before, after, hole, source), values);
+                op_dense::run(dense, places.map(|place| find(before, after, hole, place)), values);
                 self.tap.vector(output, tensor, values);
             }
             Op::MixHead(head) => {

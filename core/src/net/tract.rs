@@ -195,17 +195,12 @@ fn build(model: &Model<'_>, size: usize) -> TractResult<Arc<TypedRunnableModel>>
                 match pool.second {
                     None => first,
                     Some(second) => {
-                        let unique = std::format!("{name}.second");
-                        let more = builder.mean(&unique, second, graph.tensors()[second].side(size))?;
-                        builder.wire(
-                            &std::format!("{name}.joined"),
-                            TypedConcat { axis: 3 },
-                            &[first, more],
-                        )?
+                        let more = builder.mean(name, second, graph.tensors()[second].side(size))?;
+                        builder.wire(name, TypedConcat { axis: 3 }, &[first, more])?
                     }
                 }
             }
-            Op::Dense(dense) => builder.dense(name, dense, graph.tensors()[dense.source].channels)?,
+            Op::Dense(dense) => builder.dense(name, dense)?,
             Op::MixHead(head) => {
                 let input = builder.join(model, name, &head.sources)?;
                 let channels = (head.cin, head.classes * head.cout);
@@ -348,10 +343,13 @@ impl Builder {
     }
 
     /// A fully connected layer as a 1x1 convolution of one pixel.
-    fn dense(&mut self, name: &str, dense: &Dense<'_>, inputs: usize) -> TractResult<OutletId> {
+    fn dense(&mut self, name: &str, dense: &Dense<'_>) -> TractResult<OutletId> {
         let window = Window { height: 1, width: 1, stride: 1, pad: [0; 4] };
-        let input = self.tensor(dense.source)?;
-        let channels = (inputs, dense.bias.len());
+        let mut input = self.tensor(dense.source)?;
+        if let Some(second) = dense.second {
+            input = self.wire(name, TypedConcat { axis: 3 }, &[input, self.tensor(second)?])?;
+        }
+        let channels = (dense.weights.len() / dense.bias.len().max(1), dense.bias.len());
         let parameters = (dense.weights.iter().collect(), dense.bias.iter().collect());
         self.conv(name, input, &window, channels, parameters, dense.relu)
     }

@@ -20,11 +20,12 @@ from ..render.brdf import blended_f0
 from ..render.camera import CameraNoise, photograph
 from ..render.envmap import Environments
 from ..render.flash import FOV_DEG, render_point, tilted
-from .pool import Pool, blended, scale_maps, tinted
+from .pool import DYED, Pool, blended, dyed, lightened, scale_maps, tinted
 from .procedural_fresh import FreshPool
 
-#: Shares of the crops that are blended with another material of their class, and tinted.
-BLEND_SHARE, TINT_SHARE = 0.4, 0.5
+#: Shares of the crops that are blended with another material of their class, tinted, made lighter or darker (metals are
+#: not), and, of the dyed classes, dyed.
+BLEND_SHARE, TINT_SHARE, LIGHTEN_SHARE, DYE_SHARE = 0.4, 0.5, 0.35, 0.4
 
 
 @dataclass(frozen=True)
@@ -63,13 +64,17 @@ class Crops(Dataset):
         return (self.varied(maps, cls, rng) if self.augment else maps), cls
 
     def varied(self, maps: Tensor, cls: int, rng: np.random.Generator) -> Tensor:
-        """The maps blended with another material's of the class, tinted and scaled, each at random."""
+        """The maps blended with another material's of the class, tinted, lightened, dyed and scaled, each at random."""
         if rng.random() < BLEND_SHARE:
             other = self.pools[int(rng.choice(len(self.pools), p=self.shares))]
             if isinstance(other, Pool) and cls in other.classes:
                 maps = blended(maps, other.draw(rng, self.size, cls)[0], float(rng.uniform(0.15, 0.85)))
         if rng.random() < TINT_SHARE:
             maps = tinted(maps, rng)
+        if cls != METAL and rng.random() < LIGHTEN_SHARE:
+            maps = lightened(maps, rng)
+        if cls in DYED and rng.random() < DYE_SHARE:
+            maps = dyed(maps, rng)
         return scale_maps(maps, cls, rng)
 
 

@@ -14,7 +14,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
-from .. import METAL
+from .. import CLASSES, METAL
 from .materials import Material
 
 #: Side of a crop as a share of the material's shorter side: the paper's 512, 1024, 2048, 3072, 4096 of 4096, and one
@@ -164,6 +164,27 @@ def tinted(x: Tensor, rng: np.random.Generator) -> Tensor:
     """Maps whose albedo's R, G and B each got a random factor, so that few materials have many colours."""
     factors = torch.tensor(np.exp(rng.normal(size=3) * TINT), dtype=torch.float32)
     return torch.cat(((x[:3] * factors[:, None, None]).clamp(0, 1), x[3:]))
+
+
+#: Classes that are dyed or pigmented in any colour, so that their hue says nothing of what they are.
+DYED = frozenset(CLASSES.index(c) for c in ("fabric", "leather", "polymer"))
+
+
+def dyed(x: Tensor, rng: np.random.Generator) -> Tensor:
+    """Maps whose albedo's R, G and B changed places: the texture in another dye, no brighter or darker than it was."""
+    order = torch.from_numpy(rng.permutation(3))
+    return torch.cat((x[:3][order], x[3:]))
+
+
+#: Range of the power of `lightened`, drawn evenly in its logarithm: of albedo 0.2 it makes 0.08 to 0.48.
+LIGHTENING = (0.45, 1.55)
+
+
+def lightened(x: Tensor, rng: np.random.Generator) -> Tensor:
+    """Maps whose albedo was taken to a random power: black cloth and white cloth are both cloth."""
+    low, high = LIGHTENING
+    power = math.exp(rng.uniform(math.log(low), math.log(high)))
+    return torch.cat((x[:3].clamp(0, 1) ** power, x[3:]))
 
 
 def blended(a: Tensor, b: Tensor, t: float) -> Tensor:
