@@ -132,7 +132,7 @@ impl Pair {
     }
 
     /// The base pixels left and right of a full-size one, and how far it is towards the right one.
-    fn between(&self, i: usize) -> (usize, usize, f32) {
+    pub(crate) fn between(&self, i: usize) -> (usize, usize, f32) {
         let at = ((i as f32 + 0.5) * self.m as f32 / self.n as f32 - 0.5).max(0.0);
         let left = (at as usize).min(self.m.saturating_sub(1));
         (left, (left + 1).min(self.m.saturating_sub(1)), at - left as f32)
@@ -189,7 +189,7 @@ fn between_many(
 
 /// Between four corners: [above, below] of [left, right], `along` and `down` in [0,1].
 #[inline(always)]
-fn bilinear(corners: [[f32; 2]; 2], along: f32, down: f32) -> f32 {
+pub(crate) fn bilinear(corners: [[f32; 2]; 2], along: f32, down: f32) -> f32 {
     let [above, below] = corners.map(|[left, right]| left + along * (right - left));
     above + down * (below - above)
 }

@@ -79,12 +79,14 @@ fn main() {
             let mut scene = Scene::tiles(size, 81);
             let (rgb, clipped) = (scene.photo.clone(), scene.clipped.clone());
             let photo = LinearImage { size, rgb: &rgb, clipped: &clipped, fov_deg: FOV, light_scale: None };
-            let mut work = vec![0; highlight::workspace_bytes(size)];
+            let mut work = vec![0; highlight::workspace_bytes(size).max(highlight::retexture_bytes(size))];
             let Scene { albedo, normal, roughness, .. } = &mut scene;
             timed(runs, || {
                 let mut maps = MapsMut { size, albedo, normal, roughness };
                 highlight::restore(&photo, &mut maps, 0.05, &exec, &mut Arena::new(&mut work))
                     .expect("restored");
+                highlight::retexture(&photo, &mut maps, 0.05, &exec, &mut Arena::new(&mut work))
+                    .expect("retextured");
             });
         }
         "search" => {

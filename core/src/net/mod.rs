@@ -332,7 +332,8 @@ impl<'m> State<'_, 'm> {
                 self.tap.vector(output, tensor, values);
             }
             Op::Dense(dense) => {
-                let places = [self.place(dense.source), dense.second.map_or(Place::default(), |s| self.place(s))];
+                let places =
+                    [self.place(dense.source), dense.second.map_or(Place::default(), |s| self.place(s))];
                 let (before, values, after) = carve(self.vectors, hole);
                 op_dense::run(dense, places.map(|place| find(before, after, hole, place)), values);
                 self.tap.vector(output, tensor, values);

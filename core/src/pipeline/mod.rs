@@ -179,6 +179,7 @@ pub fn workspace_bytes(engine: &dyn Engine) -> usize {
         (7, engine.workspace_bytes()),
         (7, highlight::workspace_bytes(size)),
         (7 + 3, reduced::workspace_bytes::<Albedo<'_>, 5>(size, 6)),
+        (7 + 3, highlight::retexture_bytes(size)),
         (7 + 6, reduced::workspace_bytes::<Normal<'_>, 3>(size, 6)),
         (7 + 6 + 2, plane.saturating_mul(3)),
         (7 + 6 + 3, reduced::workspace_bytes::<Roughness<'_>, 4>(size, 9)),

@@ -87,8 +87,8 @@ impl<'a> First<'a> {
         let coefficients = Coefficients::mixed(&sets, &classification.used.0);
         let mut solver = SolverReports::default();
         let (n, m) = (maps.size, crf_size(maps.size));
+        let f0 = brdf::f0(classification.used.of(Class::Metal));
         if run.options.refine {
-            let f0 = brdf::f0(classification.used.of(Class::Metal));
             highlight::restore(&run.photo, &mut maps, f0, run.exec, arena)?;
         }
         if run.options.refine && m < n {
@@ -100,6 +100,9 @@ impl<'a> First<'a> {
         } else if run.options.refine {
             let energy = Albedo { size: n, photo: run.photo.rgb, albedo: maps.albedo };
             (maps.albedo, solver[0]) = refined(&energy, &coefficients.albedo, run, arena)?;
+        }
+        if run.options.refine {
+            highlight::retexture(&run.photo, &mut maps, f0, run.exec, arena)?;
         }
         Ok(WithAlbedo { maps, classification, coefficients, solver })
     }

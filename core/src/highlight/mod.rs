@@ -13,7 +13,12 @@
 //! shows the highlight better, so all is done twice. Where filling in would change the brightness by [`MOST`] or more it is
 //! rather the material that changes, a dark patch beside a white one, and little is done.
 //!
-//! Not in the paper. docs/crf.md has what it changes on test photos.
+//! Not in the paper. docs/crf.md has what it changes on test photos. Texture that is burnt out with the highlight comes back
+//! from elsewhere in the photo: [`retexture`].
+mod texture;
+
+pub use texture::{retexture, retexture_bytes};
+
 use crate::Error;
 use crate::arena::{Arena, bytes_for};
 use crate::brdf::{self, Scene};
@@ -49,15 +54,63 @@ fn sizes(size: usize) -> (usize, usize) {
     (seen, seen.min(GRID))
 }
 
+/// Photo and maps at the size at which they are compared, and what a flash would make of them.
+struct Look<'a> {
+    m: usize,
+    f0: f32,
+    scene: Scene,
+    rgb: &'a [f32],
+    albedo: &'a mut [f32],
+    normal: &'a [f32],
+    roughness: &'a [f32],
+    /// The render, with [`Look::specular`] and the diffuse part.
+    both: &'a mut [f32],
+    specular: &'a [f32],
+    ratio: &'a mut [f32],
+}
+
+impl<'a> Look<'a> {
+    /// Planes of `m` x `m`: photo, albedo, normals, roughness, two renders, black, and the ratio.
+    const PLANES: usize = 3 + 3 + 3 + 1 + 3 + 3 + 3 + 1;
+
+    fn new(
+        photo: &LinearImage<'_>,
+        maps: &Maps<'_>,
+        f0: f32,
+        exec: &dyn Executor,
+        arena: &mut Arena<'a>,
+    ) -> Result<Self, Error> {
+        let (n, (m, _)) = (maps.size, sizes(maps.size));
+        let scene = Scene::flash(photo.fov_deg, 1.0);
+        let rgb = &*shrunk(photo.rgb, n, m, exec, arena)?;
+        let albedo = shrunk(maps.albedo, n, m, exec, arena)?;
+        let normal = &*shrunk(maps.normal, n, m, exec, arena)?;
+        let roughness = &*shrunk(maps.roughness, n, m, exec, arena)?;
+        let (both, specular) = (arena.take(3 * m * m)?, arena.take(3 * m * m)?);
+        let black = &*arena.zeroed(3 * m * m)?;
+        brdf::render(&Maps { size: m, albedo: black, normal, roughness }, f0, &scene, exec, specular)?;
+        let ratio = arena.take(m * m)?;
+        Ok(Self { m, f0, scene, rgb, albedo, normal, roughness, both, specular, ratio })
+    }
+
+    /// How much of each pixel's light is diffuse, [0,1], `m` x `m`.
+    fn diffuse_shares(&mut self, share: &mut [f32], exec: &dyn Executor) -> Result<(), Error> {
+        let Self { m: size, normal, roughness, .. } = *self;
+        let maps = Maps { size, albedo: self.albedo, normal, roughness };
+        brdf::render(&maps, self.f0, &self.scene, exec, self.both)?;
+        diffuse_shares(self.rgb, self.both, self.specular, size, [share, self.ratio], exec);
+        Ok(())
+    }
+}
+
 /// Bytes of workspace that [`restore`] needs for maps of `size` x `size`.
 #[must_use]
 pub fn workspace_bytes(size: usize) -> usize {
     let (seen, grid) = sizes(size);
     let (plane, cells) = (bytes_for::<f32>(seen * seen), bytes_for::<f32>(grid * grid));
-    // Photo, albedo, normals, roughness, two renders, black, the diffuse part and its ratio; the grid's weights, albedo,
-    // filled albedo and factors, and the matrix.
+    // The look and the diffuse part; the grid's weights, albedo, filled albedo and factors, and the matrix.
     plane
-        .saturating_mul(3 + 3 + 3 + 1 + 3 + 3 + 3 + 2)
+        .saturating_mul(Look::PLANES + 1)
         .saturating_add(cells.saturating_mul(1 + 3 + 3 + 3))
         .saturating_add(bytes_for::<f32>(grid * grid * banded::stride(grid)))
         .saturating_add(17 * crate::arena::ALIGN)
@@ -81,28 +134,19 @@ pub fn restore(
     let n = maps.size;
     let (m, g) = sizes(n);
     let mut arena = arena.scope();
-    let rgb = &*shrunk(photo.rgb, n, m, exec, &mut arena)?;
-    let albedo = shrunk(maps.albedo, n, m, exec, &mut arena)?;
-    let normal = &*shrunk(maps.normal, n, m, exec, &mut arena)?;
-    let roughness = &*shrunk(maps.roughness, n, m, exec, &mut arena)?;
-    let scene = Scene::flash(photo.fov_deg, 1.0);
-    let (both, specular) = (arena.take(3 * m * m)?, arena.take(3 * m * m)?);
-    let black = &*arena.zeroed(3 * m * m)?;
-    brdf::render(&Maps { size: m, albedo: black, normal, roughness }, f0, &scene, exec, specular)?;
+    let mut look = Look::new(photo, &maps.as_maps(), f0, exec, &mut arena)?;
     let share = arena.take::<f32>(m * m)?;
-    let ratio = arena.take::<f32>(m * m)?;
     let (low, filled) = (arena.take::<f32>(3 * g * g)?, arena.take::<f32>(3 * g * g)?);
     let weight = arena.take::<f32>(g * g)?;
     let matrix = arena.take::<f32>(g * g * banded::stride(g))?;
     let total = arena.take::<f32>(3 * g * g)?;
     total.fill(1.0);
     for _ in 0..PASSES {
-        brdf::render(&Maps { size: m, albedo, normal, roughness }, f0, &scene, exec, both)?;
-        diffuse_shares(rgb, both, specular, m, [&mut *share, &mut *ratio], exec);
+        look.diffuse_shares(share, exec)?;
         share.iter_mut().for_each(|share| *share *= *share);
         shrink(share, m, g, weight, exec);
         weight.iter_mut().for_each(|weight| *weight = weight.max(LEAST));
-        for (low, albedo) in low.chunks_exact_mut(g * g).zip(albedo.chunks_exact(m * m)) {
+        for (low, albedo) in low.chunks_exact_mut(g * g).zip(look.albedo.chunks_exact(m * m)) {
             shrink(albedo, m, g, low, exec);
         }
         matrix.fill(0.0);
@@ -116,7 +160,7 @@ pub fn restore(
             *factor = powf((factor.max(0.0) + FLOOR) / (low + FLOOR), *belief);
             *total *= *factor;
         }
-        multiply(albedo, m, filled, g, exec);
+        multiply(look.albedo, m, filled, g, exec);
     }
     multiply(maps.albedo, n, total, g, exec);
     Ok(())
