@@ -119,8 +119,9 @@ def mix(probabilities: Array, sets: Array) -> Array:
     return total.astype(F32)
 
 
-def _dense(layer: Dense, x: Array, dtype: type) -> Array:
+def _dense(layer: Dense, tensors: dict[str, Array], dtype: type) -> Array:
     """Products are added one input after the other, starting from the bias."""
+    x = np.concatenate([tensors[source] for source in layer.sources])
     total = layer.bias.astype(dtype)
     for i in range(len(x)):
         total = total + layer.weight[:, i].astype(dtype) * x[i]
@@ -173,7 +174,7 @@ def run_int8(graph: Graph, input_q: Array, override: int | None = None) -> Resul
                 means.append(mean * F32(graph.tensor(source).scale))
             result.tensors[layer.output] = np.concatenate(means)
         elif isinstance(layer, Dense):
-            result.tensors[layer.output] = _dense(layer, np.concatenate([result.tensors[s] for s in layer.sources]), F32)
+            result.tensors[layer.output] = _dense(layer, result.tensors, F32)
             _set_probabilities(graph, result, layer.output, override)
         else:
             image = _join(graph, layer.sources, centred)
@@ -194,7 +195,7 @@ def run_float(graph: Graph, image: Array, override: int | None = None) -> Result
         elif isinstance(layer, MeanPool):
             result.tensors[layer.output] = np.concatenate([result.tensors[s].mean(axis=(0, 1)) for s in layer.sources])
         elif isinstance(layer, Dense):
-            result.tensors[layer.output] = _dense(layer, np.concatenate([result.tensors[s] for s in layer.sources]), np.float64)
+            result.tensors[layer.output] = _dense(layer, result.tensors, np.float64)
             _set_probabilities(graph, result, layer.output, override)
         else:
             joined = _join(graph, layer.sources, result.tensors.__getitem__)

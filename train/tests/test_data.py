@@ -21,6 +21,8 @@ from flashmat_train.data.materials import data_root, load, scan
 from flashmat_train.data.pool import (
     Pool,
     blended,
+    dyed,
+    lightened,
     scale_maps,
     srgb_decode,
     srgb_encode,
@@ -175,6 +177,24 @@ def test_blends_lie_between_two_materials() -> None:
     tint = tinted(a, np.random.default_rng(1))
     ratio = (tint[:3] / a[:3].clamp_min(1e-3)).flatten(1)
     assert torch.equal(tint[3:], a[3:]) and ratio.std(dim=1).max() < 0.05 and ratio.mean(dim=1).std() > 0.02
+
+
+def test_dyes_and_brightness_change_the_albedo_alone() -> None:
+    x = to_float(torch.from_numpy(material(2).maps))
+    rng = np.random.default_rng(4)
+    orders = set()
+    for _ in range(40):
+        y = dyed(x, rng)
+        assert torch.equal(y[3:], x[3:]) and torch.equal(y[:3].sort(dim=0)[0], x[:3].sort(dim=0)[0])
+        orders.add(tuple(next(i for i in range(3) if torch.equal(y[c], x[i])) for c in range(3)))
+    assert len(orders) == 6
+    means = []
+    for _ in range(40):
+        y = lightened(x, rng)
+        assert torch.equal(y[3:], x[3:]) and y[:3].min() >= 0 and y[:3].max() <= 1
+        assert torch.equal(y[0].flatten().argsort(stable=True), x[0].flatten().argsort(stable=True))
+        means.append(float(y[:3].mean()))
+    assert min(means) < 0.75 * float(x[:3].mean()) and max(means) > 1.3 * float(x[:3].mean())
 
 
 def test_crops_of_a_class_are_blended_within_it() -> None:
