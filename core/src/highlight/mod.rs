@@ -13,7 +13,7 @@
 //! shows the highlight better, so all is done twice. Where filling in would change the brightness by [`MOST`] or more it is
 //! rather the material that changes, a dark patch beside a white one, and little is done.
 //!
-//! Not in the paper. docs/crf.md has what it changes on test photos. Texture that is burnt out with the highlight comes back
+//! Not in the paper. docs/experiments.md has what it changes on test photos. Texture that is burnt out with the highlight comes back
 //! from elsewhere in the photo: [`retexture`].
 mod texture;
 

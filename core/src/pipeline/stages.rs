@@ -32,6 +32,7 @@ pub(super) struct First<'a> {
 pub(super) struct WithAlbedo<'a> {
     maps: MapsMut<'a>,
     classification: Classification,
+    f0: f32,
     coefficients: Coefficients,
     solver: SolverReports,
 }
@@ -42,7 +43,6 @@ pub(super) struct WithNormal<'a>(WithAlbedo<'a>);
 /// The search's roughness beside the refined maps; none without refinement.
 pub(super) struct Searched<'a> {
     before: WithAlbedo<'a>,
-    f0: f32,
     roughness: Option<&'a mut [f32]>,
     observability: &'a [f32],
 }
@@ -104,7 +104,7 @@ impl<'a> First<'a> {
         if run.options.refine {
             highlight::retexture(&run.photo, &mut maps, f0, run.exec, arena)?;
         }
-        Ok(WithAlbedo { maps, classification, coefficients, solver })
+        Ok(WithAlbedo { maps, classification, f0, coefficients, solver })
     }
 }
 
@@ -158,11 +158,10 @@ impl<'a> WithNormal<'a> {
     pub(super) fn search(self, run: &Run<'_, 'a>, arena: &mut Arena<'a>) -> Result<Searched<'a>, Error> {
         let Self(before) = self;
         let MapsMut { size, ref albedo, ref normal, ref roughness } = before.maps;
-        let metal = before.classification.used.of(Class::Metal);
-        let f0 = brdf::f0(metal);
+        let f0 = before.f0;
         if !run.options.refine {
             let observability = arena.zeroed(size * size)?;
-            return Ok(Searched { before, f0, roughness: None, observability });
+            return Ok(Searched { before, roughness: None, observability });
         }
         let (found, seen) = (arena.take::<f32>(size * size)?, arena.take::<f32>(size * size)?);
         let mut scope = arena.scope();
@@ -171,13 +170,13 @@ impl<'a> WithNormal<'a> {
             super::relight(&Maps { size, albedo, normal, roughness }, f0, &run.photo, run.exec, render)?;
         let light = Light { strength, ..Light::default() };
         search::roughness(&run.photo, albedo, normal, f0, &light, run.exec, found, seen)?;
-        Ok(Searched { before, f0, roughness: Some(found), observability: seen })
+        Ok(Searched { before, roughness: Some(found), observability: seen })
     }
 }
 
 impl<'a> Searched<'a> {
     pub(super) fn roughness(self, run: &Run<'_, 'a>, arena: &mut Arena<'a>) -> Result<Refined<'a>, Error> {
-        let WithAlbedo { mut maps, classification, coefficients, mut solver } = self.before;
+        let WithAlbedo { mut maps, classification, f0, coefficients, mut solver } = self.before;
         let (n, m) = (maps.size, crf_size(maps.size));
         match self.roughness {
             Some(search) if m < n => {
@@ -207,6 +206,6 @@ impl<'a> Searched<'a> {
             }
             None => {}
         }
-        Ok(Refined { maps, observability: self.observability, classification, f0: self.f0, solver })
+        Ok(Refined { maps, observability: self.observability, classification, f0, solver })
     }
 }
