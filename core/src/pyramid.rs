@@ -8,6 +8,9 @@ use crate::exec::{Executor, Plane, ROWS_PER_BLOCK, for_each_row_block};
 
 /// Area average of an `n` x `n` plane to `m` x `m`, m <= n, exact for any ratio.
 pub(crate) fn shrink(large: &[f32], n: usize, m: usize, small: &mut [f32], exec: &dyn Executor) {
+    if n == m {
+        return small.iter_mut().zip(large).for_each(|(small, large)| *small = *large);
+    }
     let ratio = n as f32 / m as f32;
     for_each_row_block(exec, m, ROWS_PER_BLOCK, Plane::new(small, m), &|rows, mut out| {
         for (row, out) in rows.zip(out.rows()) {
@@ -84,6 +87,9 @@ impl Cover {
     }
 }
 
+/// Columns that are interpolated at a time, between two loops over them.
+const SPAN: usize = 512;
+
 /// The sizes of a plane and of a smaller one, m <= n.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Pair {
@@ -92,43 +98,79 @@ pub(crate) struct Pair {
 }
 
 impl Pair {
-    /// Sets every full-size value to `f(base, low, value)`, base and low interpolated bilinearly.
-    pub(crate) fn each<'p>(
+    /// Sets every full-size value to `f(small, value)`, `small` the values of the smaller planes there, interpolated bilinearly.
+    pub(crate) fn each<const K: usize>(
         &self,
-        base: &'p [f32],
-        low: &'p [f32],
+        small: [&[f32]; K],
         plane: &mut [f32],
         exec: &dyn Executor,
-        f: impl Fn(f32, f32, f32) -> f32 + Sync,
+        f: impl Fn([f32; K], f32) -> f32 + Sync,
     ) {
-        let (n, m) = (self.n, self.m);
-        for_each_row_block(exec, n, ROWS_PER_BLOCK, Plane::new(plane, n), &|rows, mut out| {
-            for (row, out) in rows.zip(out.rows()) {
-                let (top, bottom, down) = self.between(row);
-                let lines =
-                    |plane: &'p [f32]| [top, bottom].map(|y| plane.get(y * m..(y + 1) * m).unwrap_or(&[]));
-                let lines = [lines(base), lines(low)];
-                if n == 2 * m && m > 1 {
-                    between_doubled(lines, down, out, &f);
-                    continue;
-                }
-                if m > 1 && n > m && n == n / m * m && (n / m).is_power_of_two() {
-                    between_many(lines, down, n / m, out, &f);
-                    continue;
-                }
-                for (column, value) in out.iter_mut().enumerate() {
-                    let (left, right, along) = self.between(column);
-                    let [base, low] = lines.map(|pair| {
-                        bilinear(
-                            pair.map(|line| [left, right].map(|x| line.get(x).copied().unwrap_or(0.0))),
-                            along,
-                            down,
-                        )
-                    });
-                    *value = f(base, low, *value);
+        for_each_row_block(exec, self.n, ROWS_PER_BLOCK, Plane::new(plane, self.n), &|rows, mut out| {
+            exec.simd().run(
+                #[inline(always)]
+                || rows.zip(out.rows()).for_each(|(row, out)| self.each_of_row(small, row, out, &f)),
+            );
+        });
+    }
+
+    /// [`Pair::each`] on row `row`.
+    #[inline(always)]
+    fn each_of_row<const K: usize>(
+        &self,
+        small: [&[f32]; K],
+        row: usize,
+        out: &mut [f32],
+        f: &impl Fn([f32; K], f32) -> f32,
+    ) {
+        let (top, bottom, down) = self.between(row);
+        let lines =
+            small.map(|plane| [top, bottom].map(|y| plane.get(y * self.m..(y + 1) * self.m).unwrap_or(&[])));
+        let mut between = [[0.0; SPAN]; K];
+        for (first, out) in (0..).step_by(SPAN).zip(out.chunks_mut(SPAN)) {
+            for (between, lines) in between.iter_mut().zip(lines) {
+                self.interpolate(lines, down, first, between.get_mut(..out.len()).unwrap_or(&mut []));
+            }
+            for (i, value) in out.iter_mut().enumerate().take(SPAN) {
+                *value = f(between.each_ref().map(|between| between[i]), *value);
+            }
+        }
+    }
+
+    /// One row's columns from `first` on, a multiple of [`SPAN`]: `down` of the way from the first of `lines` to the second.
+    /// Powers of two take loops that the compiler vectorises; the arithmetic is the same.
+    #[inline(always)]
+    fn interpolate(&self, lines: [&[f32]; 2], down: f32, first: usize, out: &mut [f32]) {
+        let one = |(column, value): (usize, &mut f32)| {
+            let (left, right, along) = self.between(column);
+            let corners = lines.map(|line| [left, right].map(|x| line.get(x).copied().unwrap_or(0.0)));
+            *value = bilinear(corners, along, down);
+        };
+        let ratio = self.n / self.m.max(1);
+        if !(2..=SPAN).contains(&ratio) || self.n != ratio * self.m || !ratio.is_power_of_two() {
+            return (first..).zip(out).for_each(one);
+        }
+        let (before, rest) = out.split_at_mut(out.len().min(ratio / 2));
+        (first..).zip(before).for_each(one);
+        let [above, below] = lines.map(|line| line.get(first / ratio..).unwrap_or(&[]).windows(2));
+        let corners = above.zip(below).map(|(above, below)| [[above[0], above[1]], [below[0], below[1]]]);
+        let end = first + ratio / 2 + rest.len() / ratio * ratio;
+        let after = if ratio == 2 {
+            let (pairs, after) = rest.as_chunks_mut::<2>();
+            for (pair, corners) in pairs.iter_mut().zip(corners) {
+                *pair = [bilinear(corners, 0.25, down), bilinear(corners, 0.75, down)];
+            }
+            after
+        } else {
+            let mut spans = rest.chunks_exact_mut(ratio);
+            for (span, corners) in spans.by_ref().zip(corners) {
+                for (i, value) in span.iter_mut().enumerate() {
+                    *value = bilinear(corners, (i as i32 as f32 + 0.5) / ratio as f32, down);
                 }
             }
-        });
+            spans.into_remainder()
+        };
+        (end..).zip(after).for_each(one);
     }
 
     /// The base pixels left and right of a full-size one, and how far it is towards the right one.
@@ -137,54 +179,6 @@ impl Pair {
         let left = (at as usize).min(self.m.saturating_sub(1));
         (left, (left + 1).min(self.m.saturating_sub(1)), at - left as f32)
     }
-}
-
-/// [`Pair::each`] on one row of twice the base's pixels: `lines` are the base's and the low-pass's lines above and below,
-/// `down` how far the row is towards the one below. The same arithmetic, in loops that the compiler vectorises.
-fn between_doubled(lines: [[&[f32]; 2]; 2], down: f32, out: &mut [f32], f: &impl Fn(f32, f32, f32) -> f32) {
-    let at = |corners: [[[f32; 2]; 2]; 2], along: f32, value: f32| {
-        let [base, low] = corners.map(|pair| bilinear(pair, along, down));
-        f(base, low, value)
-    };
-    let end = |line: &[f32], i: usize| line.get(i).copied().unwrap_or(0.0);
-    let last = lines[0][0].len().saturating_sub(1);
-    let (along, [first, rest @ ..]) = (0.25, out) else { return };
-    let Some((right, inner)) = rest.split_last_mut() else { return };
-    *first = at(lines.map(|pair| pair.map(|line| [end(line, 0), end(line, 1)])), 0.0, *first);
-    *right = at(lines.map(|pair| pair.map(|line| [end(line, last); 2])), along, *right);
-    let [[a, b], [c, d]] = lines.map(|pair| pair.map(|line| line.iter().zip(line.get(1..).unwrap_or(&[]))));
-    for (two, (((a, b), c), d)) in inner.as_chunks_mut::<2>().0.iter_mut().zip(a.zip(b).zip(c).zip(d)) {
-        let corners = [[[*a.0, *a.1], [*b.0, *b.1]], [[*c.0, *c.1], [*d.0, *d.1]]];
-        *two = [at(corners, along, two[0]), at(corners, 1.0 - along, two[1])];
-    }
-}
-
-/// [`between_doubled`] for `ratio` times the base's pixels, a power of two.
-fn between_many(
-    lines: [[&[f32]; 2]; 2],
-    down: f32,
-    ratio: usize,
-    out: &mut [f32],
-    f: &impl Fn(f32, f32, f32) -> f32,
-) {
-    let corners = |left: usize, right: usize| {
-        lines.map(|pair| pair.map(|line| [left, right].map(|x| line.get(x).copied().unwrap_or(0.0))))
-    };
-    let set = |corners: [[[f32; 2]; 2]; 2], along: f32, value: &mut f32| {
-        let [base, low] = corners.map(|pair| bilinear(pair, along, down));
-        *value = f(base, low, *value);
-    };
-    let last = lines[0][0].len().saturating_sub(1);
-    let Some((first, rest)) = out.split_at_mut_checked(ratio / 2) else { return };
-    first.iter_mut().for_each(|value| set(corners(0, 1.min(last)), 0.0, value));
-    let mut spans = rest.chunks_exact_mut(ratio);
-    for (left, span) in spans.by_ref().enumerate() {
-        let corners = corners(left, left + 1);
-        for (i, value) in span.iter_mut().enumerate() {
-            set(corners, (i as f32 + 0.5) / ratio as f32, value);
-        }
-    }
-    spans.into_remainder().iter_mut().for_each(|value| set(corners(last, last), 0.0, value));
 }
 
 /// Between four corners: [above, below] of [left, right], `along` and `down` in [0,1].
@@ -223,20 +217,22 @@ mod tests {
             let at = |i: usize| (i as u32).wrapping_mul(2_654_435_761).wrapping_add(seed).rotate_left(9) >> 8;
             (0..count).map(|i| at(i).wrapping_mul(40_503) as f32 / u32::MAX as f32).collect()
         };
-        for (m, ratio) in [(2, 2), (8, 2), (13, 2), (2, 4), (7, 4), (5, 16)] {
+        for (m, ratio) in
+            [(1, 2), (2, 2), (8, 2), (13, 2), (300, 2), (2, 4), (7, 4), (150, 4), (5, 16), (1, 512)]
+        {
             let n = ratio * m;
             let (base, low, plane) = (noise(m * m, 1), noise(m * m, 2), noise(n * n, 3));
             let pair = Pair { n, m };
-            let f = |base: f32, low: f32, full: f32| base * 3.0 + low * 0.7 - full;
+            let f = |[base, low]: [f32; 2], full: f32| base * 3.0 + low * 0.7 - full;
             let mut out = plane.clone();
-            pair.each(&base, &low, &mut out, &Inline, f);
+            pair.each([&base, &low], &mut out, &Inline, f);
             for (i, (out, full)) in out.iter().zip(&plane).enumerate() {
                 let ((top, bottom, down), (left, right, along)) = (pair.between(i / n), pair.between(i % n));
                 let at = |p: &[f32]| {
                     let corners = [top, bottom].map(|y| [left, right].map(|x| p[y * m + x]));
                     bilinear(corners, along, down)
                 };
-                assert_eq!(*out, f(at(&base), at(&low), *full), "{m} times {ratio}: value {i}");
+                assert_eq!(*out, f([at(&base), at(&low)], *full), "{m} times {ratio}: value {i}");
             }
             if ratio > 2 {
                 continue;

@@ -23,7 +23,7 @@ use crate::Error;
 use crate::arena::{Arena, bytes_for};
 use crate::brdf::{self, Scene};
 use crate::crf::{banded, feature::radius_squared};
-use crate::exec::{Executor, Plane, ROWS_PER_BLOCK, for_each_row_block};
+use crate::exec::Executor;
 use crate::frame::LinearImage;
 use crate::maps::{Maps, MapsMut};
 use crate::math::{expf, log2f, powf};
@@ -59,19 +59,23 @@ struct Look<'a> {
     m: usize,
     f0: f32,
     scene: Scene,
-    rgb: &'a [f32],
     albedo: &'a mut [f32],
     normal: &'a [f32],
     roughness: &'a [f32],
-    /// The render, with [`Look::specular`] and the diffuse part.
-    both: &'a mut [f32],
+    /// The photo's brightness, that of the specular part of a render, and how far highlights lie there, [0,1].
+    photo: &'a [f32],
     specular: &'a [f32],
+    near: &'a [f32],
+    /// Working memory: a render in colour, its brightness, and the photo's ratio to its diffuse part.
+    colour: &'a mut [f32],
+    both: &'a mut [f32],
     ratio: &'a mut [f32],
 }
 
 impl<'a> Look<'a> {
-    /// Planes of `m` x `m`: photo, albedo, normals, roughness, two renders, black, and the ratio.
-    const PLANES: usize = 3 + 3 + 3 + 1 + 3 + 3 + 3 + 1;
+    /// Planes of `m` x `m`: albedo, normals, roughness, the photo's and renders' brightness, `near` and `ratio`; a render in
+    /// colour; and another in colour while it is made.
+    const PLANES: usize = 3 + 3 + 1 + 3 + 2 + 3 + 3;
 
     fn new(
         photo: &LinearImage<'_>,
@@ -82,25 +86,91 @@ impl<'a> Look<'a> {
     ) -> Result<Self, Error> {
         let (n, (m, _)) = (maps.size, sizes(maps.size));
         let scene = Scene::flash(photo.fov_deg, 1.0);
-        let rgb = &*shrunk(photo.rgb, n, m, exec, arena)?;
         let albedo = shrunk(maps.albedo, n, m, exec, arena)?;
         let normal = &*shrunk(maps.normal, n, m, exec, arena)?;
         let roughness = &*shrunk(maps.roughness, n, m, exec, arena)?;
-        let (both, specular) = (arena.take(3 * m * m)?, arena.take(3 * m * m)?);
+        let [bright, specular, near, both, ratio] = [
+            arena.take(m * m)?,
+            arena.take(m * m)?,
+            arena.take(m * m)?,
+            arena.take(m * m)?,
+            arena.take(m * m)?,
+        ];
+        let colour = arena.take(3 * m * m)?;
+        for (small, large) in colour.chunks_exact_mut(m * m).zip(photo.rgb.chunks_exact(n * n)) {
+            shrink(large, n, m, small, exec);
+        }
+        brightness(colour, bright, exec);
+        let mut arena = arena.scope();
         let black = &*arena.zeroed(3 * m * m)?;
-        brdf::render(&Maps { size: m, albedo: black, normal, roughness }, f0, &scene, exec, specular)?;
-        let ratio = arena.take(m * m)?;
-        Ok(Self { m, f0, scene, rgb, albedo, normal, roughness, both, specular, ratio })
+        brdf::render(&Maps { size: m, albedo: black, normal, roughness }, f0, &scene, exec, colour)?;
+        brightness(colour, specular, exec);
+        for (i, near) in near.iter_mut().enumerate() {
+            let radius = radius_squared(i % m, i / m, m) / REACH;
+            *near = expf(-radius * radius);
+        }
+        Ok(Self {
+            m,
+            f0,
+            scene,
+            albedo,
+            normal,
+            roughness,
+            photo: bright,
+            specular,
+            near,
+            colour,
+            both,
+            ratio,
+        })
     }
 
     /// How much of each pixel's light is diffuse, [0,1], `m` x `m`.
     fn diffuse_shares(&mut self, share: &mut [f32], exec: &dyn Executor) -> Result<(), Error> {
         let Self { m: size, normal, roughness, .. } = *self;
         let maps = Maps { size, albedo: self.albedo, normal, roughness };
-        brdf::render(&maps, self.f0, &self.scene, exec, self.both)?;
-        diffuse_shares(self.rgb, self.both, self.specular, size, [share, self.ratio], exec);
+        brdf::render(&maps, self.f0, &self.scene, exec, self.colour)?;
+        brightness(self.colour, self.both, exec);
+        exec.simd().run(
+            #[inline(always)]
+            || self.compare(share),
+        );
         Ok(())
     }
+
+    /// [`Look::diffuse_shares`] of the render's brightness in `both`.
+    #[inline(always)]
+    fn compare(&mut self, share: &mut [f32]) {
+        let pixels = || self.photo.iter().zip(&*self.both).zip(self.specular);
+        for (ratio, ((photo, both), specular)) in self.ratio.iter_mut().zip(pixels()) {
+            *ratio = photo / (both - specular).max(1e-4);
+        }
+        let middle = self.ratio.len() / 2;
+        let scale = if self.ratio.is_empty() {
+            0.0
+        } else {
+            *self.ratio.select_nth_unstable_by(middle, f32::total_cmp).1
+        };
+        for ((share, near), ((photo, both), specular)) in share.iter_mut().zip(self.near).zip(pixels()) {
+            let seen = 1.0 - scale * (both - specular) / photo.max(1e-3);
+            let modelled = TRUST * specular / both.max(1e-6);
+            *share = 1.0 - near * seen.min(modelled).clamp(0.0, 1.0);
+        }
+    }
+}
+
+/// The means of three planes, pixel by pixel.
+fn brightness(planes: &[f32], out: &mut [f32], exec: &dyn Executor) {
+    let (first, rest) = planes.split_at(out.len().min(planes.len()));
+    let (second, third) = rest.split_at(out.len().min(rest.len()));
+    exec.simd().run(
+        #[inline(always)]
+        || {
+            for (out, ((first, second), third)) in out.iter_mut().zip(first.iter().zip(second).zip(third)) {
+                *out = (first + second + third) / 3.0;
+            }
+        },
+    );
 }
 
 /// Bytes of workspace that [`restore`] needs for maps of `size` x `size`.
@@ -187,40 +257,8 @@ fn mean(planes: &[f32], plane: usize, i: usize) -> f32 {
 fn multiply(albedo: &mut [f32], n: usize, factors: &[f32], g: usize, exec: &dyn Executor) {
     let pair = Pair { n, m: g };
     for (factor, albedo) in factors.chunks_exact(g * g).zip(albedo.chunks_exact_mut(n * n)) {
-        pair.each(factor, factor, albedo, exec, |factor, _, value| (value * factor).clamp(0.0, 1.0));
+        pair.each([factor], albedo, exec, |[factor], value| (value * factor).clamp(0.0, 1.0));
     }
-}
-
-/// How much of each pixel's light is diffuse, [0,1], to `share`; `ratio` is working memory. `both` and `specular` are
-/// renders with and without the diffuse part.
-fn diffuse_shares(
-    photo: &[f32],
-    both: &[f32],
-    specular: &[f32],
-    m: usize,
-    [share, ratio]: [&mut [f32]; 2],
-    exec: &dyn Executor,
-) {
-    let mean = |planes: &[f32], i: usize| mean(planes, m * m, i);
-    for_each_row_block(exec, m, ROWS_PER_BLOCK, Plane::new(ratio, m), &|rows, mut out| {
-        for (i, ratio) in (rows.start * m..).zip(out.values()) {
-            *ratio = mean(photo, i) / (mean(both, i) - mean(specular, i)).max(1e-4);
-        }
-    });
-    let middle = ratio.len() / 2;
-    let scale = if ratio.is_empty() { 0.0 } else { *ratio.select_nth_unstable_by(middle, f32::total_cmp).1 };
-    for_each_row_block(exec, m, ROWS_PER_BLOCK, Plane::new(share, m), &|rows, mut out| {
-        for (y, out) in rows.zip(out.rows()) {
-            for (x, share) in out.iter_mut().enumerate() {
-                let i = y * m + x;
-                let (photo, both, specular) = (mean(photo, i), mean(both, i), mean(specular, i));
-                let seen = 1.0 - scale * (both - specular) / photo.max(1e-3);
-                let modelled = TRUST * specular / both.max(1e-6);
-                let radius = radius_squared(x, y, m) / REACH;
-                *share = 1.0 - expf(-radius * radius) * seen.min(modelled).clamp(0.0, 1.0);
-            }
-        }
-    });
 }
 
 /// Solves the grid's system for each of the three planes of `low`; `matrix` is zeros.

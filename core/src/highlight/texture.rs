@@ -86,7 +86,7 @@ pub fn retexture(
     let diffuse = arena.take::<f32>(CELLS)?;
     let (means, contrast) = (arena.take::<f32>(3 * CELLS)?, arena.take::<f32>(CELLS)?);
     let (one, seen) = (arena.take::<f32>(m * m)?, arena.zeroed::<f32>(m * m)?);
-    let relative = |mean: f32, _: f32, value: f32| (value + FLOOR) / (mean + FLOOR) - 1.0;
+    let relative = |[mean]: [f32; 1], value: f32| (value + FLOOR) / (mean + FLOOR) - 1.0;
     {
         let mut arena = arena.scope();
         let mut look = Look::new(photo, &maps.as_maps(), f0, exec, &mut arena)?;
@@ -95,7 +95,7 @@ pub fn retexture(
         let pair = Pair { n: m, m: GRID };
         for (albedo, means) in look.albedo.chunks_exact_mut(m * m).zip(means.chunks_exact_mut(CELLS)) {
             shrink(albedo, m, GRID, means, exec);
-            pair.each(means, means, albedo, exec, relative);
+            pair.each([means], albedo, exec, relative);
             seen.iter_mut().zip(&*albedo).for_each(|(seen, one)| *seen += one / 3.0);
         }
     }
@@ -118,7 +118,7 @@ pub fn retexture(
     let (detail, pair) = (arena.take::<f32>(3 * n * n)?, Pair { n, m: GRID });
     detail.copy_from_slice(maps.albedo);
     for (detail, means) in detail.chunks_exact_mut(n * n).zip(means.chunks_exact(CELLS)) {
-        pair.each(means, means, detail, exec, relative);
+        pair.each([means], detail, exec, relative);
     }
     blend(maps.albedo, n, detail, means, &offsets, exec);
     Ok(())

@@ -194,7 +194,7 @@ fn join(
     let parts = |c: usize| c * m * m..(c + 1) * m * m;
     for (c, plane) in maps.albedo.chunks_exact_mut(n * n).enumerate() {
         let (Some(base), Some(low)) = (high.albedo.get(parts(c)), low.albedo.get(parts(c))) else { return };
-        pair.each(base, low, plane, exec, |base, low, full| {
+        pair.each([base, low], plane, exec, |[base, low], full| {
             let ratio = (full + ALBEDO_FLOOR) / (low + ALBEDO_FLOOR);
             let detail = ratio.clamp(1.0 / MOST_DETAIL, MOST_DETAIL);
             ((base + ALBEDO_FLOOR) * detail - ALBEDO_FLOOR).clamp(0.0, 1.0)
@@ -202,9 +202,9 @@ fn join(
     }
     for (c, plane) in maps.normal.chunks_exact_mut(n * n).enumerate().take(2) {
         let (Some(base), Some(low)) = (high.normal.get(parts(c)), low.normal.get(parts(c))) else { return };
-        pair.each(base, low, plane, exec, |base, low, full| base + (full - low));
+        pair.each([base, low], plane, exec, |[base, low], full| base + (full - low));
     }
-    pair.each(high.roughness, low.roughness, maps.roughness, exec, |base, low, full| {
+    pair.each([high.roughness, low.roughness], maps.roughness, exec, |[base, low], full| {
         (base + (full - low)).clamp(0.0, 1.0)
     });
     to_normals(maps.normal, n, exec);

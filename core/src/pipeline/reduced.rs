@@ -43,7 +43,7 @@ pub(super) fn refine_at<E: Energy<N>, const N: usize>(
     difference.iter_mut().zip(unary).for_each(|(difference, unary)| *difference -= unary);
     let pair = Pair { n, m };
     for (difference, map) in difference.chunks_exact(m * m).zip(map.chunks_exact_mut(n * n)) {
-        pair.each(difference, difference, map, exec, |difference, _, value| value + difference);
+        pair.each([difference], map, exec, |[difference], value| value + difference);
     }
     energy.project(map);
     Ok(report)
