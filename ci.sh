@@ -13,6 +13,8 @@ cd "$(dirname "$0")"
 part=${1:-all}
 # Nothing here is built twice, so what incremental builds keep (gigabytes) would never be read.
 export CARGO_INCREMENTAL=${CARGO_INCREMENTAL:-0}
+venv=$(realpath -m "${FLASHMAT_VENV:-.venv}")
+flashmat=
 started=$SECONDS
 step() { printf '\n== %s (%d s)\n' "$*" "$((SECONDS - started))"; }
 
@@ -65,42 +67,62 @@ viewer() {
   if [ "${CI:-}" = true ] && ! command -v chromium >/dev/null && command -v apt-get >/dev/null; then
     apt-get install -y -qq --no-install-recommends chromium >/dev/null 2>&1 || echo "no Chromium to be had here"
   fi
-  tests/viewer/check.sh
+  # After the Rust tests the program is there already; else the check builds one.
+  tests/viewer/check.sh ${flashmat:+"$flashmat"}
 }
 
-train() {
-  venv=${FLASHMAT_VENV:-.venv}
+packages() {
   if [ ! -x "$venv/bin/ruff" ]; then
     step "Python packages"
     python3 -m venv "$venv"
     "$venv/bin/pip" install --quiet torch -e "train[test]"
   fi
-  step "training kit: lints"
-  "$venv/bin/ruff" check train
-  "$venv/bin/ruff" format --check train
   # Dr.Jit wants an LLVM library of 16 or newer; with one the comparison with Mitsuba must run, not be skipped.
   if ! ls /usr/lib/*/libLLVM*19* >/dev/null 2>&1 && [ "$(id -u)" = 0 ] && command -v apt-get >/dev/null; then
     apt-get install -y -qq --no-install-recommends libllvm19 >/dev/null 2>&1 || echo "no libllvm19 to be had here"
   fi
+}
+
+train() {
+  packages
+  step "training kit: lints"
+  "$venv/bin/ruff" check train
+  "$venv/bin/ruff" format --check train
   if [ -n "${DRJIT_LIBLLVM_PATH:-}" ] || ls /usr/lib/*/libLLVM*19* >/dev/null 2>&1; then
     export FLASHMAT_REQUIRE_MITSUBA=1
   else
     echo "NOT RUN unless another LLVM serves: the comparison with Mitsuba; install libllvm19"
   fi
   step "training kit: tests"
-  (cd train && "../$venv/bin/python" -m pytest -q)
+  (cd train && "$venv/bin/python" -m pytest -q)
+}
+
+# Waits for process $1, shows what it wrote to $2, and fails if it did.
+join() {
+  local status=0
+  wait "$1" || status=$?
+  cat "$2"
+  return "$status"
 }
 
 case $part in
   # Not `rust && ...`: bash ignores errors inside functions of such a list.
   all)
+    # The training kit shares nothing with the rest: its packages are fetched, and its tests run, beside it.
+    log=$(mktemp)
+    trap 'kill $(jobs -p) 2>/dev/null || true; rm -f "$log"' EXIT
+    packages >"$log" 2>&1 &
     rust
+    flashmat=$(realpath "${CARGO_TARGET_DIR:-target}/debug/flashmat")
+    join $! "$log"
     counts
+    train >"$log" 2>&1 &
+    training=$!
     ffi
     swift_package
     android
     viewer
-    train
+    join "$training" "$log"
     ;;
   rust) rust ;;
   counts) counts ;;
