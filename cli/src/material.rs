@@ -29,7 +29,7 @@ pub(crate) struct Material {
     pub(crate) maps: OwnedMaps,
     /// The photo as the network saw it: 3 planes, linear RGB.
     pub(crate) photo: Vec<f32>,
-    /// The maps under the estimated flash, at the photo's exposure: 3 planes, linear RGB.
+    /// The maps under the estimated flash and room, at the photo's exposure: 3 planes, linear RGB.
     pub(crate) render: Vec<f32>,
     /// Angle of view over the maps, in degrees.
     pub(crate) fov_deg: f32,
@@ -40,7 +40,10 @@ pub(crate) struct Material {
     pub(crate) probabilities: [f32; Class::ALL.len()],
     /// Specular reflectance at normal incidence.
     pub(crate) f0: f32,
+    /// The flash's strength times the photo's exposure.
     pub(crate) light_scale: f32,
+    /// The room's even light as a share of the flash's, [0,1].
+    pub(crate) room_light: f32,
     /// RMSE of re-render against photo, gamma 2.2, clipped pixels left out.
     pub(crate) residual: f32,
     pub(crate) timings_ms: Timings,
@@ -49,6 +52,11 @@ pub(crate) struct Material {
 }
 
 impl Material {
+    /// The strength of a flash that alone makes the maps as bright as the photo at the centre.
+    pub(crate) fn brightness(&self) -> f32 {
+        self.light_scale * (1.0 + self.room_light)
+    }
+
     /// The class and how sure it is, as in "wood 82 %".
     pub(crate) fn class_line(&self) -> String {
         let name = self.class.name();

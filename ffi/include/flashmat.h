@@ -778,6 +778,11 @@ typedef struct flashmat_report {
      * Refinement of albedo, normal, roughness.
      */
     struct flashmat_solver solver[3];
+    /**
+     * Even light that the re-render adds to the flash's, as a share of the flash's at the centre, in [0,1]: it adds
+     * light_scale * room_light * albedo. Fitted with light_scale, no measurement of the room.
+     */
+    float room_light;
 } flashmat_report;
 
 #ifdef __cplusplus

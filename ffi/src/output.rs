@@ -115,5 +115,6 @@ pub(crate) fn report(capture: &Capture<'_>) -> flashmat_report {
             iterations: u32::try_from(report.iterations).unwrap_or(u32::MAX),
             residual: report.residual,
         }),
+        room_light: capture.room_light,
     }
 }

@@ -25,7 +25,7 @@ fn photo() -> Vec<u8> {
 fn bits(capture: &Capture<'_>) -> Vec<u32> {
     let maps = capture.maps;
     let planes = [maps.albedo, maps.normal, maps.roughness, capture.render, capture.observability];
-    let scalars = [capture.light_scale, capture.residual];
+    let scalars = [capture.light_scale, capture.room_light, capture.residual];
     planes.into_iter().flatten().chain(&scalars).map(|v| v.to_bits()).collect()
 }
 

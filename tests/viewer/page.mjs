@@ -18,6 +18,9 @@ async function main() {
   const flash = new THREE.PointLight(0xffffff, Math.PI * report.light_scale, 0, 2);
   flash.position.set(0, 0, 1);
   scene.add(flash);
+  // Even light of irradiance pi * room * the flash's, which the diffuse part reflects.
+  const room = new THREE.AmbientLight(0xffffff, Math.PI * report.light_scale * report.room_light);
+  scene.add(room);
 
   const picture = (light) => {
     if (light) flash.position.set(...light);

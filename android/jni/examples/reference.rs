@@ -3,7 +3,7 @@
 //!
 //! Calls [`flashmat_core`] directly, nothing of the bridge. Big-endian, as Java reads: "FMREF001", number of cases;
 //! each: name (u16 length, UTF-8), 11 layout values, field of view (kind, value, target), class, refine, number of
-//! planes, planes (i32 length, bytes in native order), then 19 numbers and 14 planes of 128 x 128 f32.
+//! planes, planes (i32 length, bytes in native order), then 20 numbers and 14 planes of 128 x 128 f32.
 use flashmat_core::frame::{Encoding, FieldOfView, Frame, PhotoFov, Range, Rotation, YuvMatrix, YuvPlanes};
 use flashmat_core::net::{Class, Model};
 use flashmat_core::pipeline::CaptureOptions;
@@ -174,6 +174,7 @@ fn capture(case: &Case, planes: &[Vec<u8>]) -> Result<(Vec<f32>, Vec<f32>), Erro
     numbers.extend([capture.f0, capture.light_scale, capture.residual, capture.photo.fov_deg]);
     numbers.extend(capture.solver.map(|report| report.iterations as f32));
     numbers.extend(capture.solver.map(|report| report.residual));
+    numbers.push(capture.room_light);
     let maps = [
         capture.maps.albedo,
         capture.maps.normal,

@@ -8,8 +8,9 @@ use flashmat_core::pipeline::Capture;
 
 /// Planes: albedo 3, normal 3, roughness 1, re-render 3, photo 3, observability 1.
 pub(crate) const PLANES: usize = 14;
-/// Numbers: 8 probabilities, class, F0, light scale, residual, field of view, 3 x iterations, 3 x solver residual.
-pub(crate) const NUMBERS: usize = 19;
+/// Numbers: 8 probabilities, class, F0, light scale, residual, field of view, 3 x iterations, 3 x solver residual, room
+/// light.
+pub(crate) const NUMBERS: usize = 20;
 
 /// Bytes of the maps' buffer, in 64 bits: `size` comes from Java.
 fn needed(size: usize) -> u64 {
@@ -64,7 +65,14 @@ pub(crate) fn numbers(capture: &Capture<'_>) -> [f32; NUMBERS] {
     let iterations = capture.solver.map(|report| report.iterations as f32);
     let residuals = capture.solver.map(|report| report.residual);
     let mut numbers = [0.0; NUMBERS];
-    let all = capture.probabilities.0.into_iter().chain(scalars).chain(iterations).chain(residuals);
+    let all = capture
+        .probabilities
+        .0
+        .into_iter()
+        .chain(scalars)
+        .chain(iterations)
+        .chain(residuals)
+        .chain([capture.room_light]);
     numbers.iter_mut().zip(all).for_each(|(number, value)| *number = value);
     numbers
 }

@@ -60,8 +60,9 @@ pub(crate) fn run(args: &RenderArgs) -> bool {
 fn render(args: &RenderArgs) -> Result<PathBuf, Failure> {
     let maps = mapset::read(&args.maps, None)?;
     let report = read_report(&args.maps)?;
-    let (f0, fov_deg, scale) =
-        report.map_or((F0_DIELECTRIC, FieldOfView::TARGET_DEG, 1.0), |r| (r.f0, r.fov_deg, r.light_scale));
+    let (f0, fov_deg, scale) = report.map_or((F0_DIELECTRIC, FieldOfView::TARGET_DEG, 1.0), |r| {
+        (r.f0, r.fov_deg, r.light_scale * (1.0 + r.room_light))
+    });
     let picture = light::relight(&maps, f0, fov_deg, args.light, scale * args.strength)
         .map_err(|e| Failure::core(&args.maps, &e))?;
     let out = args.out.clone().unwrap_or_else(|| args.maps.join("relit.png"));

@@ -24,9 +24,9 @@ pub(crate) fn relight(
     Ok(out)
 }
 
-/// The material under a light from the left, as strong at the centre of a flat matt plane as the photo's flash.
+/// The material under a light from the left, as strong at the centre of a flat matt plane as the photo's.
 pub(crate) fn from_the_side(material: &Material) -> Result<Vec<f32>, Error> {
-    let strength = material.light_scale * strength_at_centre(SIDE);
+    let strength = material.brightness() * strength_at_centre(SIDE);
     relight(&material.maps, material.f0, material.fov_deg, SIDE, strength)
 }
 

@@ -14,6 +14,9 @@ pub(crate) struct Report {
     pub(crate) size: usize,
     pub(crate) class: Class,
     pub(crate) light_scale: f32,
+    /// The room's even light as a share of the flash's at the centre, [0,1].
+    #[serde(default)]
+    pub(crate) room_light: f32,
     /// RMSE of the re-render against the photo, gamma 2.2, clipped pixels left out.
     pub(crate) residual: f32,
     /// Angle of view over the maps, in degrees.
@@ -84,6 +87,7 @@ impl Report {
                 probabilities: material.probabilities.into(),
             },
             light_scale: material.light_scale,
+            room_light: material.room_light,
             residual: material.residual,
             fov_deg: material.fov_deg,
             f0: material.f0,

@@ -46,7 +46,7 @@ fn draw(name: &str, material: &Material, relit: &[f32]) -> Result<RgbImage, Erro
     let linear = |planes: &[f32]| {
         picture(size, panel, |y, line| maps::encode_rgb_row(planes, size, y, line, linear_to_srgb))
     };
-    let re_render = format!("same flash, residual {:.3}", material.residual);
+    let re_render = format!("same light, residual {:.3}", material.residual);
     let panels = [
         ("Photo", "as the network saw it", linear(&material.photo)?),
         ("Re-render", re_render.as_str(), linear(&material.render)?),
@@ -137,6 +137,7 @@ fn facts(canvas: &mut RgbImage, fonts: &Fonts, material: &Material, x: u32, y: u
     let lines = [
         ("residual", format!("{:.3}", material.residual)),
         ("light scale", format!("{:.2}", material.light_scale)),
+        ("room's light", format!("{:.0} %", 100.0 * material.room_light)),
         ("field of view", format!("{:.1}°", material.fov_deg)),
         ("maps", format!("{size} × {size}")),
     ];

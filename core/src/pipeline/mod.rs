@@ -16,7 +16,7 @@ use crate::kernels::{Kernels, Simd};
 use crate::maps::{Maps, MapsMut};
 use crate::net::scales::Scales;
 use crate::net::{Class, ClassProbabilities, Classification, Mixing, Model, Network};
-use crate::search;
+use crate::search::{self, Lights};
 use crate::{Error, Observer, Stage};
 use stages::First;
 
@@ -58,7 +58,7 @@ pub struct Capture<'a> {
     pub maps: Maps<'a>,
     /// The photo as the pipeline saw it: square, upright, linear.
     pub photo: LinearImage<'a>,
-    /// The maps re-rendered under the estimated flash: 3 planes, linear, as bright as the photo.
+    /// The maps re-rendered under the estimated flash and room: 3 planes, linear, as bright as the photo.
     pub render: &'a [f32],
     /// How much the photo says about the roughness at each pixel, one plane in [0,1]; zeros without refinement.
     pub observability: &'a [f32],
@@ -70,6 +70,9 @@ pub struct Capture<'a> {
     pub f0: f32,
     /// The photo's exposure times the flash's strength: the re-render with light strength 1 is multiplied by it.
     pub light_scale: f32,
+    /// Even light that the re-render adds to the flash's, as a share of the flash's at the centre, [0,1]
+    /// ([`search::Lights`]): fitted, no measurement of the room.
+    pub room_light: f32,
     /// RMSE of re-render against the photo, gamma 2.2, clipped pixels left out.
     pub residual: f32,
     /// What the CRFs' solvers did.
@@ -231,7 +234,7 @@ pub fn run<'a>(
     let render = arena.take::<f32>(3 * size * size)?;
     let maps = refined.maps;
     let maps = Maps { size, albedo: maps.albedo, normal: maps.normal, roughness: maps.roughness };
-    let (light_scale, residual) = within(exec, || {
+    let (lights, residual) = within(exec, || {
         Ok((relight(&maps, f0, &photo, exec, render)?, search::residual(&photo, render, exec)?))
     })?;
     Ok(Capture {
@@ -243,7 +246,8 @@ pub fn run<'a>(
         class: options.class.unwrap_or_else(|| classification.predicted.best()),
         probabilities: classification.predicted,
         f0,
-        light_scale,
+        light_scale: lights.flash,
+        room_light: lights.room,
         solver: refined.solver,
     })
 }
@@ -264,17 +268,19 @@ fn staged<T>(
     Ok(result)
 }
 
-/// Renders the maps as the photo saw them and scales the render to the photo; returns the scale.
+/// Renders the maps as the photo saw them, under flash and room; returns these lights.
 fn relight(
     maps: &Maps<'_>,
     f0: f32,
     photo: &LinearImage<'_>,
     exec: &dyn Executor,
     render: &mut [f32],
-) -> Result<f32, Error> {
+) -> Result<Lights, Error> {
     let scene = Scene { fov_deg: photo.fov_deg, light: Light::default() };
     brdf::render(maps, f0, &scene, exec, render)?;
-    let scale = search::light_scale(photo, render, exec)?;
-    render.iter_mut().for_each(|value| *value *= scale);
-    Ok(scale)
+    let lights = search::lights(photo, render, maps.albedo, exec)?;
+    for (value, albedo) in render.iter_mut().zip(maps.albedo) {
+        *value = lights.flash * (*value + lights.room * albedo);
+    }
+    Ok(lights)
 }

@@ -6,7 +6,7 @@ use super::reduced::{crf_size, refine_at};
 use super::{CaptureOptions, Engine, SolverReports};
 use crate::Error;
 use crate::arena::Arena;
-use crate::brdf::{self, Light};
+use crate::brdf::{self, Light, Scene};
 use crate::crf::{self, Albedo, Coefficients, Energy, Normal, Roughness};
 use crate::exec::Executor;
 use crate::frame::LinearImage;
@@ -166,8 +166,9 @@ impl<'a> WithNormal<'a> {
         let (found, seen) = (arena.take::<f32>(size * size)?, arena.take::<f32>(size * size)?);
         let mut scope = arena.scope();
         let render = scope.take::<f32>(3 * size * size)?;
-        let strength =
-            super::relight(&Maps { size, albedo, normal, roughness }, f0, &run.photo, run.exec, render)?;
+        let scene = Scene { fov_deg: run.photo.fov_deg, light: Light::default() };
+        brdf::render(&Maps { size, albedo, normal, roughness }, f0, &scene, run.exec, render)?;
+        let strength = search::light_scale(&run.photo, render, run.exec)?;
         let light = Light { strength, ..Light::default() };
         search::roughness(&run.photo, albedo, normal, f0, &light, run.exec, found, seen)?;
         Ok(Searched { before, roughness: Some(found), observability: seen })
@@ -204,7 +205,9 @@ impl<'a> Searched<'a> {
                 };
                 (maps.roughness, solver[2]) = refined(&energy, &coefficients.roughness, run, arena)?;
             }
-            None => {}
+            None => {
+                return Ok(Refined { maps, observability: self.observability, classification, f0, solver });
+            }
         }
         Ok(Refined { maps, observability: self.observability, classification, f0, solver })
     }

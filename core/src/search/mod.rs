@@ -10,7 +10,7 @@
 //! observability; where it is 0 the roughness found means nothing.
 mod exposure;
 
-pub use exposure::{check_exposure, light_scale, residual};
+pub use exposure::{Lights, check_exposure, light_scale, lights, residual};
 
 use crate::Error;
 use crate::brdf::{Angles, Incident, Light, Scene, ggx};
@@ -251,7 +251,7 @@ mod tests {
 
     pub(super) struct Scenery {
         n: usize,
-        albedo: Vec<f32>,
+        pub(super) albedo: Vec<f32>,
         normal: Vec<f32>,
         roughness: Vec<f32>,
         pub(super) photo: Vec<f32>,
@@ -397,11 +397,12 @@ mod tests {
             let all = |exec: &dyn Executor| {
                 let scale = light_scale(&s.photo(), &render, exec).expect("usable");
                 let residual = residual(&s.photo(), &render, exec).expect("planes");
+                let Lights { flash, room } = lights(&s.photo(), &render, &s.albedo, exec).expect("usable");
                 let (found, seen) = s.search(0.05, 0.9, exec);
                 let mut again = vec![0.0; render.len()];
                 let maps = Maps { size: n, albedo: &s.albedo, normal: &s.normal, roughness: &s.roughness };
                 crate::brdf::render(&maps, 0.3, &Scene::flash(FOV, 1.0), exec, &mut again).expect("scene");
-                let values = [scale, residual].into_iter().chain(found).chain(seen).chain(again);
+                let values = [scale, residual, flash, room].into_iter().chain(found).chain(seen).chain(again);
                 values.map(f32::to_bits).collect::<Vec<u32>>()
             };
             let baseline = all(&Inline);

@@ -60,6 +60,9 @@ public struct MaterialReport: Sendable, Equatable {
     public let probabilities: [Float]
     /// The photo's exposure times the flash's strength: multiply a render with light strength 1 by it.
     public let lightScale: Float
+    /// Even light that the re-render adds to the flash's, as a share of the flash's at the centre, in [0,1]: it adds
+    /// `lightScale * roomLight * albedo`. Fitted with ``lightScale``, no measurement of the room.
+    public let roomLight: Float
     /// RMSE of the re-render against the photo, gamma 2.2, overexposed pixels left out.
     public let residual: Float
     /// Specular reflectance at normal incidence.
@@ -78,6 +81,7 @@ public struct MaterialReport: Sendable, Equatable {
         materialClass = MaterialClass(rawValue: report.material_class) ?? .fabric
         probabilities = withUnsafeBytes(of: report.probabilities) { Array($0.bindMemory(to: Float.self)) }
         lightScale = report.light_scale
+        roomLight = report.room_light
         residual = report.residual
         f0 = report.f0
         fieldOfView = report.fov_deg

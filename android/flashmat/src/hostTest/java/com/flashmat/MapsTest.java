@@ -57,6 +57,7 @@ final class MapsTest {
         assertEquals(43.35f, maps.fieldOfView());
         assertTrue(maps.f0() >= 0.05f && maps.f0() <= 0.5f);
         assertTrue(maps.lightScale() > 0 && maps.residual() >= 0);
+        assertTrue(maps.roomLight() >= 0 && maps.roomLight() <= 1);
         assertEquals(3, maps.solverIterations().length);
         assertTrue(maps.solverIterations()[0] > 0 && maps.solverResiduals()[0] < 1);
     }

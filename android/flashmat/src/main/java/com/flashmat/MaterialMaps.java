@@ -126,6 +126,15 @@ public final class MaterialMaps {
         return numbers[10];
     }
 
+    /**
+     * Even light that the re-render adds to the flash's, as a share of the flash's at the centre, in [0,1]: it adds lightScale *
+     * roomLight * albedo. Fitted with {@link #lightScale}, no measurement of the room.
+     */
+    public float roomLight() {
+        check();
+        return numbers[19];
+    }
+
     /** RMSE of the re-render against the photo, gamma 2.2, overexposed pixels left out. */
     public float residual() {
         check();
@@ -149,7 +158,7 @@ public final class MaterialMaps {
     @NonNull
     public float[] solverResiduals() {
         check();
-        return Arrays.copyOfRange(numbers, 16, NativeBridge.NUMBERS);
+        return Arrays.copyOfRange(numbers, 16, 19);
     }
 
     /**
