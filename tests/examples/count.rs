@@ -85,6 +85,8 @@ fn main() {
                 let mut maps = MapsMut { size, albedo, normal, roughness };
                 highlight::restore(&photo, &mut maps, 0.05, &exec, &mut Arena::new(&mut work))
                     .expect("restored");
+                highlight::level_roughness(&photo, &mut maps, 0.05, &exec, &mut Arena::new(&mut work))
+                    .expect("levelled");
                 highlight::retexture(&photo, &mut maps, 0.05, &exec, &mut Arena::new(&mut work))
                     .expect("retextured");
             });

@@ -13,10 +13,14 @@
 //! shows the highlight better, so all is done twice. Where filling in would change the brightness by [`MOST`] or more it is
 //! rather the material that changes, a dark patch beside a white one, and little is done.
 //!
+//! Roughness is filled in likewise ([`level_roughness`]).
+//!
 //! Not in the paper. docs/experiments.md has what it changes on test photos. Texture that is burnt out with the highlight comes back
 //! from elsewhere in the photo: [`retexture`].
+mod roughness;
 mod texture;
 
+pub use roughness::{level_roughness, level_roughness_bytes};
 pub use texture::{retexture, retexture_bytes};
 
 use crate::Error;
@@ -299,19 +303,19 @@ mod tests {
     use std::vec;
     use std::vec::Vec;
 
-    const N: usize = 128;
-    const FOV: f32 = 43.35;
+    pub(super) const N: usize = 128;
+    pub(super) const FOV: f32 = 43.35;
 
     /// Flat, glossy plastic of one colour, and its photo.
-    struct Plastic {
-        albedo: Vec<f32>,
-        normal: Vec<f32>,
+    pub(super) struct Plastic {
+        pub(super) albedo: Vec<f32>,
+        pub(super) normal: Vec<f32>,
         roughness: Vec<f32>,
-        photo: Vec<f32>,
+        pub(super) photo: Vec<f32>,
     }
 
     impl Plastic {
-        fn new(colour: [f32; 3], roughness: f32) -> Self {
+        pub(super) fn new(colour: [f32; 3], roughness: f32) -> Self {
             let n2 = N * N;
             let albedo: Vec<f32> = colour.iter().flat_map(|c| vec![*c; n2]).collect();
             let normal = [vec![0.0; 2 * n2], vec![1.0; n2]].concat();

@@ -186,6 +186,7 @@ pub fn workspace_bytes(engine: &dyn Engine) -> usize {
         (7 + 6, reduced::workspace_bytes::<Normal<'_>, 3>(size, 6)),
         (7 + 6 + 2, plane.saturating_mul(3)),
         (7 + 6 + 3, reduced::workspace_bytes::<Roughness<'_>, 4>(size, 9)),
+        (7 + 6 + 3, highlight::level_roughness_bytes(size)),
         (7 + 6 + 3, plane.saturating_mul(3)),
     ];
     let needed = stages.map(|(planes, more)| plane.saturating_mul(planes).saturating_add(more));

@@ -209,6 +209,7 @@ impl<'a> Searched<'a> {
                 return Ok(Refined { maps, observability: self.observability, classification, f0, solver });
             }
         }
+        highlight::level_roughness(&run.photo, &mut maps, f0, run.exec, arena)?;
         Ok(Refined { maps, observability: self.observability, classification, f0, solver })
     }
 }
