@@ -142,6 +142,15 @@ impl<'a> Look<'a> {
         Ok(())
     }
 
+    /// How much each cell of the grid says, the mean of the diffuse shares' squares; `share` is working memory.
+    fn weights(&mut self, share: &mut [f32], weight: &mut [f32], exec: &dyn Executor) -> Result<(), Error> {
+        self.diffuse_shares(share, exec)?;
+        share.iter_mut().for_each(|share| *share *= *share);
+        shrink(share, self.m, sizes(self.m).1, weight, exec);
+        weight.iter_mut().for_each(|weight| *weight = weight.max(LEAST));
+        Ok(())
+    }
+
     /// [`Look::diffuse_shares`] of the render's brightness in `both`.
     #[inline(always)]
     fn compare(&mut self, share: &mut [f32]) {
@@ -216,10 +225,7 @@ pub fn restore(
     let total = arena.take::<f32>(3 * g * g)?;
     total.fill(1.0);
     for _ in 0..PASSES {
-        look.diffuse_shares(share, exec)?;
-        share.iter_mut().for_each(|share| *share *= *share);
-        shrink(share, m, g, weight, exec);
-        weight.iter_mut().for_each(|weight| *weight = weight.max(LEAST));
+        look.weights(share, weight, exec)?;
         for (low, albedo) in low.chunks_exact_mut(g * g).zip(look.albedo.chunks_exact(m * m)) {
             shrink(albedo, m, g, low, exec);
         }

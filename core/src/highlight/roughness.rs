@@ -6,7 +6,7 @@
 //! [`SPREAD`] or more is rather another material, and hardly believed.
 //!
 //! Not in the paper. docs/experiments.md has what it changes.
-use super::{LEAST, Look, fill, sizes};
+use super::{Look, fill, sizes};
 use crate::Error;
 use crate::arena::{Arena, bytes_for};
 use crate::crf::banded;
@@ -55,10 +55,7 @@ pub fn level_roughness(
     let weight = arena.take::<f32>(g * g)?;
     let (low, filled) = (arena.take::<f32>(g * g)?, arena.take::<f32>(g * g)?);
     let matrix = arena.zeroed::<f32>(g * g * banded::stride(g))?;
-    look.diffuse_shares(share, exec)?;
-    share.iter_mut().for_each(|share| *share *= *share);
-    shrink(share, m, g, weight, exec);
-    weight.iter_mut().for_each(|weight| *weight = weight.max(LEAST));
+    look.weights(share, weight, exec)?;
     shrink(look.roughness, m, g, low, exec);
     exec.simd().run(
         #[inline(always)]

@@ -179,37 +179,34 @@ impl<'a> Searched<'a> {
     pub(super) fn roughness(self, run: &Run<'_, 'a>, arena: &mut Arena<'a>) -> Result<Refined<'a>, Error> {
         let WithAlbedo { mut maps, classification, f0, coefficients, mut solver } = self.before;
         let (n, m) = (maps.size, crf_size(maps.size));
-        match self.roughness {
-            Some(search) if m < n => {
-                // Where a pixel says nothing of its roughness, what the search found there means nothing.
-                search.iter_mut().zip(self.observability).for_each(|(found, seen)| *found *= seen);
-                let mut arena = arena.scope();
-                let photo = shrunk(run.photo.rgb, n, m, run.exec, &mut arena)?;
-                let albedo = shrunk(maps.albedo, n, m, run.exec, &mut arena)?;
-                let network = shrunk(maps.roughness, n, m, run.exec, &mut arena)?;
-                let seen = shrunk(self.observability, n, m, run.exec, &mut arena)?;
-                let search = shrunk(search, n, m, run.exec, &mut arena)?;
-                search.iter_mut().zip(&*seen).for_each(|(found, seen)| *found /= seen.max(1e-6));
-                let energy = Roughness { size: m, photo, albedo, network, search, observability: Some(seen) };
-                solver[2] =
-                    refined_smaller(&energy, &coefficients.roughness, run, maps.roughness, &mut arena)?;
-            }
-            Some(search) => {
-                let energy = Roughness {
-                    size: n,
-                    photo: run.photo.rgb,
-                    albedo: maps.albedo,
-                    network: maps.roughness,
-                    search,
-                    observability: Some(self.observability),
-                };
-                (maps.roughness, solver[2]) = refined(&energy, &coefficients.roughness, run, arena)?;
-            }
-            None => {
-                return Ok(Refined { maps, observability: self.observability, classification, f0, solver });
-            }
+        let observability = self.observability;
+        let Some(search) = self.roughness else {
+            return Ok(Refined { maps, observability, classification, f0, solver });
+        };
+        if m < n {
+            // Where a pixel says nothing of its roughness, what the search found there means nothing.
+            search.iter_mut().zip(observability).for_each(|(found, seen)| *found *= seen);
+            let mut arena = arena.scope();
+            let photo = shrunk(run.photo.rgb, n, m, run.exec, &mut arena)?;
+            let albedo = shrunk(maps.albedo, n, m, run.exec, &mut arena)?;
+            let network = shrunk(maps.roughness, n, m, run.exec, &mut arena)?;
+            let seen = shrunk(observability, n, m, run.exec, &mut arena)?;
+            let search = shrunk(search, n, m, run.exec, &mut arena)?;
+            search.iter_mut().zip(&*seen).for_each(|(found, seen)| *found /= seen.max(1e-6));
+            let energy = Roughness { size: m, photo, albedo, network, search, observability: Some(seen) };
+            solver[2] = refined_smaller(&energy, &coefficients.roughness, run, maps.roughness, &mut arena)?;
+        } else {
+            let energy = Roughness {
+                size: n,
+                photo: run.photo.rgb,
+                albedo: maps.albedo,
+                network: maps.roughness,
+                search,
+                observability: Some(observability),
+            };
+            (maps.roughness, solver[2]) = refined(&energy, &coefficients.roughness, run, arena)?;
         }
         highlight::level_roughness(&run.photo, &mut maps, f0, run.exec, arena)?;
-        Ok(Refined { maps, observability: self.observability, classification, f0, solver })
+        Ok(Refined { maps, observability, classification, f0, solver })
     }
 }
