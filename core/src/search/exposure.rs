@@ -14,6 +14,10 @@ const BLACK: f64 = 5e-4;
 
 /// Steps of [`lights`] after those of [`light_scale`].
 const ROOM_STEPS: usize = 5;
+/// Rows of a larger photo that [`light_scale`] looks at, or up to twice as many, evenly spread.
+const ROWS: usize = 256;
+/// The same of [`lights`]' own steps.
+const ROOM_ROWS: usize = 128;
 
 /// Whether a photo shows anything to compare a render with.
 ///
@@ -25,6 +29,7 @@ pub fn check_exposure(photo: &LinearImage<'_>, exec: &dyn Executor) -> Result<()
     let exposure = sums(
         photo,
         [],
+        1,
         exec,
         #[inline(always)]
         |p, []| [p, 1.0],
@@ -51,11 +56,17 @@ fn check_mean(exposure: [f64; 2]) -> Result<(), Error> {
 pub fn light_scale(photo: &LinearImage<'_>, render: &[f32], exec: &dyn Executor) -> Result<f32, Error> {
     check_planes(photo.size, 3, render.len())?;
     photo.check()?;
-    let mut scale = starting_scale(photo, render, exec)?;
+    let step = (photo.size / ROWS).max(1);
+    let (mut scale, step) = match starting_scale(photo, render, step, exec) {
+        // Those rows may be what is overexposed or black.
+        Err(_) if step > 1 => (starting_scale(photo, render, 1, exec)?, 1),
+        scale => (scale?, step),
+    };
     for _ in 0..3 {
         let [rp, rr] = sums(
             photo,
             [render],
+            step,
             exec,
             #[inline(always)]
             |p, [r]| {
@@ -100,8 +111,9 @@ pub struct Lights {
 /// in the photo than the flash's falloff, whatever flattened it: on the test photos `room` correlates with the true one by 0.31
 /// alone, since the albedo has taken its part already. For re-rendering, therefore, and no measurement of the room.
 ///
-/// As [`light_scale`], from whose result it starts, with two unknowns and [`ROOM_STEPS`] steps more. Not negative, and no
-/// more room than flash: beyond that the falloff, which tells them apart, is hardly there.
+/// As [`light_scale`], from whose result it starts, with two unknowns and [`ROOM_STEPS`] steps more, which look at [`ROOM_ROWS`]
+/// rows or up to twice as many. Not negative, and no more room than flash: beyond that the falloff, which tells them apart, is
+/// hardly there.
 ///
 /// # Errors
 /// As [`light_scale`].
@@ -112,12 +124,14 @@ pub fn lights(
     exec: &dyn Executor,
 ) -> Result<Lights, Error> {
     check_planes(photo.size, 3, albedo.len())?;
+    let step = (photo.size / ROOM_ROWS).max(1);
     let mut lights = Lights { flash: light_scale(photo, render, exec)?, room: 0.0 };
     for _ in 0..ROOM_STEPS {
         let Lights { flash, room } = lights;
         let [rr, ra, aa, rp, ap] = sums(
             photo,
             [render, albedo],
+            step,
             exec,
             #[inline(always)]
             |p, [r, a]| {
@@ -145,10 +159,16 @@ pub fn lights(
 
 /// The geometric mean of the ratios of photo to render: a start that a few immense highlights do not move. Checks the exposure
 /// in the same pass.
-fn starting_scale(photo: &LinearImage<'_>, render: &[f32], exec: &dyn Executor) -> Result<f32, Error> {
+fn starting_scale(
+    photo: &LinearImage<'_>,
+    render: &[f32],
+    step: usize,
+    exec: &dyn Executor,
+) -> Result<f32, Error> {
     let [sum, number, logs, count] = sums(
         photo,
         [render],
+        step,
         exec,
         #[inline(always)]
         |p, [r]| {
@@ -174,6 +194,7 @@ pub fn residual(photo: &LinearImage<'_>, render: &[f32], exec: &dyn Executor) ->
     let squares = sums(
         photo,
         [render],
+        1,
         exec,
         #[inline(always)]
         |p, [r]| {
@@ -189,11 +210,12 @@ fn mean([sum, count]: [f64; 2]) -> Option<f64> {
     (count > 0.0).then(|| sum / count)
 }
 
-/// The sums of `terms(photo, renders)` over all channels of the pixels that are not clipped.
+/// The sums of `terms(photo, renders)` over all channels of the pixels that are not clipped, in every `step`-th row.
 #[inline(always)]
 fn sums<const K: usize, const N: usize>(
     photo: &LinearImage<'_>,
     renders: [&[f32]; K],
+    step: usize,
     exec: &dyn Executor,
     terms: impl Fn(f32, [f32; K]) -> [f32; N] + Sync,
 ) -> [f64; N] {
@@ -203,7 +225,7 @@ fn sums<const K: usize, const N: usize>(
             #[inline(always)]
             || {
                 let mut total = [0.0_f64; N];
-                for row in rows {
+                for row in rows.filter(|row| row.is_multiple_of(step)) {
                     let clipped = photo.clipped.get(row * n..(row + 1) * n).unwrap_or(&[]);
                     for start in (0..n).step_by(LANES) {
                         let free = unset(clipped, start);
@@ -251,6 +273,21 @@ mod tests {
     }
 
     #[test]
+    fn the_scale_of_a_large_photo_is_found_from_some_of_its_rows() {
+        let n = 2 * ROWS;
+        let mut s = scenery(n, 0.05, 0.7);
+        let render = s.render(0.05);
+        let found = light_scale(&s.photo(), &render, &Inline).expect("usable");
+        assert!((found / 0.7 - 1.0).abs() < 1e-4, "{found}");
+        // Nothing usable in the rows that are looked at: all are.
+        for (i, clipped) in s.clipped.iter_mut().enumerate() {
+            *clipped |= u8::from((i / n).is_multiple_of(2));
+        }
+        let found = light_scale(&s.photo(), &render, &Inline).expect("usable");
+        assert!((found / 0.7 - 1.0).abs() < 1e-4, "{found}");
+    }
+
+    #[test]
     fn flash_and_room_of_an_exact_photo_are_found() {
         for (flash, room) in [(0.7, 0.0), (0.4, 0.2), (1.0, 0.5), (0.3, 0.97), (0.5, 1.0)] {
             let mut s = scenery(64, 0.05, 1.0);
@@ -280,7 +317,7 @@ mod tests {
             let photo = s.photo();
             let found = lights(&photo, &render, &s.albedo, &Inline).expect("usable");
             let cost = |lights: Lights| {
-                sums(&photo, [&render, &s.albedo], &Inline, |p, [r, a]| {
+                sums(&photo, [&render, &s.albedo], 1, &Inline, |p, [r, a]| {
                     let (weight, counts) = weight(p, found.flash * (r + found.room * a));
                     let error = p - lights.flash * (r + lights.room * a);
                     [if counts { weight * error * error } else { 0.0 }]
