@@ -10,13 +10,19 @@ use crate::material::OwnedMaps;
 use flashmat_core::arena::Arena;
 use flashmat_core::brdf::{self, Light};
 use flashmat_core::crf::{self, Albedo, Coefficients, Energy, Normal, Roughness};
+use flashmat_core::exec::Executor;
 use flashmat_core::frame::{self, FieldOfView, LinearImage};
+use flashmat_core::maps::MapsMut;
 use flashmat_core::net::Class;
 use flashmat_core::{Error, highlight, search};
 use glam::Vec3;
 
 /// Coefficients of all classes.
 pub(super) type Sets = [Coefficients; Class::ALL.len()];
+
+/// One step of [`highlight`]: photo, maps, F0, executor, workspace.
+type HighlightStep =
+    fn(&LinearImage<'_>, &mut MapsMut<'_>, f32, &dyn Executor, &mut Arena<'_>) -> Result<(), Error>;
 
 /// The three CRFs in the order in which they run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -50,9 +56,10 @@ pub(super) struct Sample {
     fov_deg: f32,
     light_scale: Option<f32>,
     f0: f32,
-    /// Refined maps, the network's until [`Sample::advance`] has refined them.
+    /// Refined maps, as a capture has them; the network's until [`Sample::advance`] has refined them.
     pub(super) albedo: Vec<f32>,
     pub(super) normal: Vec<f32>,
+    pub(super) roughness: Vec<f32>,
     searched: Vec<f32>,
     observability: Vec<f32>,
 }
@@ -70,19 +77,7 @@ impl Sample {
         let found = engine.capture(&shot.photo, &mut |_, _| interrupt::flow()).map_err(failed)?;
         let clipped = clipped(&shot.photo, size).map_err(failed)?;
         let f0 = brdf::f0(found.probabilities.get(Class::Metal as usize).copied().unwrap_or(0.0));
-        let mut first = found.maps;
-        let photo =
-            LinearImage { size, rgb: &found.photo, clipped: &clipped, fov_deg: found.fov_deg, light_scale };
-        let mut workspace = vec![0; highlight::workspace_bytes(size)];
-        highlight::restore(
-            &photo,
-            &mut first.view_mut(),
-            f0,
-            &super::fast(),
-            &mut Arena::new(&mut workspace),
-        )
-        .map_err(failed)?;
-        Ok(Self {
+        let mut sample = Self {
             truth: shot.truth,
             probabilities: found.probabilities,
             photo: found.photo,
@@ -90,12 +85,38 @@ impl Sample {
             fov_deg: found.fov_deg,
             light_scale,
             f0,
-            albedo: first.albedo.clone(),
-            normal: first.normal.clone(),
+            albedo: found.maps.albedo.clone(),
+            normal: found.maps.normal.clone(),
+            roughness: found.maps.roughness.clone(),
             searched: Vec::new(),
             observability: Vec::new(),
-            first,
-        })
+            first: found.maps,
+        };
+        sample.below_highlights(highlight::restore).map_err(failed)?;
+        sample.first.albedo.clone_from(&sample.albedo);
+        Ok(sample)
+    }
+
+    /// One of the highlight's steps over the maps as refined so far, in place.
+    fn below_highlights(&mut self, step: HighlightStep) -> Result<(), Error> {
+        let size = self.truth.size;
+        let photo = LinearImage {
+            size,
+            rgb: &self.photo,
+            clipped: &self.clipped,
+            fov_deg: self.fov_deg,
+            light_scale: self.light_scale,
+        };
+        let mut maps = MapsMut {
+            size,
+            albedo: &mut self.albedo,
+            normal: &mut self.normal,
+            roughness: &mut self.roughness,
+        };
+        let bytes = highlight::workspace_bytes(size)
+            .max(highlight::retexture_bytes(size))
+            .max(highlight::level_roughness_bytes(size));
+        step(&photo, &mut maps, self.f0, &super::fast(), &mut Arena::new(&mut vec![0; bytes]))
     }
 
     /// Bytes of workspace for any of the CRFs.
@@ -122,7 +143,7 @@ impl Sample {
         }
     }
 
-    /// The map of `stage`, refined with the mixture of `sets`.
+    /// The map of `stage` as its CRF, with the mixture of `sets`, leaves it: the coefficients are learned from this.
     pub(super) fn refined(&self, stage: Stage, sets: &Sets, workspace: &mut [u8]) -> Result<Vec<f32>, Error> {
         let mixed = Coefficients::mixed(sets, &self.probabilities);
         match stage {
@@ -132,15 +153,22 @@ impl Sample {
         }
     }
 
-    /// Keeps the refined map of `stage` for the stages after it; after the normals the roughness is searched.
+    /// Keeps the refined map of `stage`, filled in below highlights, for the stages after it; after the normals the
+    /// roughness is searched.
     pub(super) fn advance(&mut self, stage: Stage, sets: &Sets, workspace: &mut [u8]) -> Result<(), Error> {
         match stage {
-            Stage::Albedo => self.albedo = self.refined(stage, sets, workspace)?,
+            Stage::Albedo => {
+                self.albedo = self.refined(stage, sets, workspace)?;
+                self.below_highlights(highlight::retexture)?;
+            }
             Stage::Normal => {
                 self.normal = self.refined(stage, sets, workspace)?;
                 self.search()?;
             }
-            Stage::Roughness => {}
+            Stage::Roughness => {
+                self.roughness = self.refined(stage, sets, workspace)?;
+                self.below_highlights(highlight::level_roughness)?;
+            }
         }
         Ok(())
     }

@@ -86,11 +86,14 @@ fn the_chain_is_the_shipped_one_bit_for_bit() {
     let (mut sample, capture) = sample_of(&material, &file, true);
     let sets = strong.map(|values| Coefficients::from_array(&values));
     let mut workspace = Sample::workspace(SIZE);
-    let pairs = [&capture.maps.albedo, &capture.maps.normal, &capture.maps.roughness];
-    for (stage, shipped) in Stage::ALL.into_iter().zip(pairs) {
-        let ours = sample.refined(stage, &sets, &mut workspace).expect("refined");
-        assert!(ours == *shipped, "{stage:?}");
+    for stage in Stage::ALL {
         sample.advance(stage, &sets, &mut workspace).expect("advanced");
+        let (ours, shipped) = match stage {
+            Stage::Albedo => (&sample.albedo, &capture.maps.albedo),
+            Stage::Normal => (&sample.normal, &capture.maps.normal),
+            Stage::Roughness => (&sample.roughness, &capture.maps.roughness),
+        };
+        assert!(ours == shipped, "{stage:?}");
     }
     assert_ne!(capture.maps.albedo, sample.first.albedo);
 }
