@@ -19,6 +19,7 @@ STAGES = {
     "golden": ("golden", "write small renders for the Rust renderer's tests"),
     "quant": ("quant", "what int8 costs, on the validation photos"),
     "export": ("export", "make the model file for the Rust engine"),
+    "import-model": ("import_model", "make a checkpoint of a model file, to train on from it"),
 }
 
 
