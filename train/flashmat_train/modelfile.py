@@ -10,13 +10,32 @@ from __future__ import annotations
 import json
 import struct
 import zlib
-from dataclasses import astuple, dataclass, field
+from dataclasses import astuple
 from itertools import pairwise
 from os import PathLike
 from pathlib import Path
-from typing import Any
 
 import numpy as np
+
+from .graph import (
+    CRF_COEFFICIENTS,
+    Array,
+    Conv,
+    Defaults,
+    Dense,
+    Depthwise,
+    Graph,
+    Layer,
+    MeanPool,
+    MixHead,
+    Model,
+    ModelFileError,
+    Pad,
+    Source,
+    Tensor,
+)
+from .graph import conv_from_float as conv_from_float
+from .graph import depthwise_from_float as depthwise_from_float
 
 MAGIC = b"FLASHMAT"
 VERSION = 2
@@ -25,168 +44,13 @@ NONE = 0xFFFF_FFFF
 CLASS_NAMES = ("fabric", "ground", "leather", "metal", "stone-diff", "stone-spec", "polymer", "wood")
 MAP_CHANNELS = {"albedo": 3, "normal": 3, "roughness": 1}
 MAP_CODES = {"albedo": 1, "normal": 2, "roughness": 3}
-OP_CONV, OP_MEAN_POOL, OP_DENSE, OP_MIX_HEAD = 1, 2, 3, 4
+OP_CONV, OP_MEAN_POOL, OP_DENSE, OP_MIX_HEAD, OP_DEPTHWISE = 1, 2, 3, 4, 5
 INPUT_CHANNELS = 6
 INPUT_SCALE = float(np.float32(1.0) / np.float32(255.0))
 INPUT_ZERO_POINT = -128
-CRF_COEFFICIENTS = 12
 NAME_BYTES = 32
 PANEL = 16  # output channels in one packed panel
 GROUP = 4  # consecutive K values in one packed group
-
-Array = np.ndarray
-
-
-class ModelFileError(ValueError):
-    """The file or the model does not keep the format's rules."""
-
-
-@dataclass(frozen=True)
-class Tensor:
-    """A value of the graph. `divisor` d: n/d pixels a side for n of input; real = scale * (q - zero_point).
-
-    `divisor` 0: a float vector (the classifier's); scale and zero point are then 1 and 0.
-    """
-
-    name: str
-    channels: int
-    divisor: int
-    scale: float = 1.0
-    zero_point: int = 0
-
-
-@dataclass(frozen=True)
-class Source:
-    """A tensor as a layer reads it: by its name, through x2 nearest up-sampling or not."""
-
-    tensor: str
-    upsample: bool = False
-
-
-Pad = tuple[int, int, int, int]  # top, left, bottom, right
-
-
-@dataclass
-class Conv:
-    """Convolution over one or two concatenated sources; see docs/model-format.md for its exact arithmetic."""
-
-    name: str
-    sources: tuple[Source, ...]
-    output: str
-    weight_q: Array  # i8 [cout][kh][kw][cin_total], in [-127, 127]
-    weight_scale: Array  # f32 [cout]: real = weight_scale * (sum weight_q * (q - zero_point) + bias_q)
-    bias_q: Array  # i32 [cout]
-    stride: int = 1
-    pad: Pad = (1, 1, 1, 1)
-    relu: bool = True
-    # The float engine's: f32 [cout][kh][kw][cin_total], real units, batch norm folded.
-    weight: Array | None = None
-    bias: Array | None = None  # f32 [cout]
-
-
-@dataclass
-class MeanPool:
-    """Mean over space of one or two tensors, dequantised to one float vector."""
-
-    name: str
-    sources: tuple[str, ...]
-    output: str
-
-
-@dataclass
-class Dense:
-    """Fully connected float layer."""
-
-    name: str
-    sources: tuple[str, ...]  # one vector or two, one after the other
-    output: str
-    weight: Array  # f32 [out][in]
-    bias: Array  # f32 [out]
-    relu: bool = False
-
-
-@dataclass
-class MixHead:
-    """Last convolution: weights mixed by the class probabilities, then pixel shuffle and activation."""
-
-    name: str
-    sources: tuple[Source, ...]
-    map: str  # "albedo", "normal" or "roughness"
-    shuffle: int
-    weight: Array  # f32 [classes][N * shuffle^2][kh][kw][cin_total], real units; 8 classes, or 1: nothing to mix
-    bias: Array  # f32 [classes][N * shuffle^2]
-    pad: Pad = (1, 1, 1, 1)
-
-
-Layer = Conv | MeanPool | Dense | MixHead
-
-
-@dataclass
-class Graph:
-    """Tensors by definition; layers in the order of execution. `input` is the first tensor's name."""
-
-    tensors: list[Tensor]
-    layers: list[Layer]
-    input: str
-    logits: str  # the classifier's output, a vector of 8
-
-    def tensor(self, name: str) -> Tensor:
-        """The tensor of that name."""
-        for tensor in self.tensors:
-            if tensor.name == name:
-                return tensor
-        raise ModelFileError(f"no tensor named {name!r}")
-
-
-@dataclass(frozen=True)
-class Defaults:
-    """How the training renders were lit and seen: what a capture assumes unless told otherwise."""
-
-    fov_deg: float = 43.35  # over the square crop
-    light_distance: float = 1.0  # above the plane, in plane units
-    light_strength: float = 1.0  # radiance of a flat white Lambertian at the centre
-    exposure: float = 1.0  # scale from radiance to the network's linear input
-    base_size: int = 128  # pixels a side of the training photos: larger ones are seen at this size first; 0: no limit
-    top_size: int = 0  # of the largest training photos beside those; 0: none
-
-
-@dataclass
-class Model:
-    """Everything in a model file."""
-
-    meta: dict[str, Any]
-    graph: Graph
-    crf: Array = field(default_factory=lambda: np.zeros((8, CRF_COEFFICIENTS), np.float32))
-    defaults: Defaults = field(default_factory=Defaults)
-    card: str = ""
-
-
-def conv_from_float(
-    graph_tensors: dict[str, Tensor],
-    name: str,
-    sources: tuple[Source, ...],
-    output: str,
-    weight: Array,
-    bias: Array,
-    *,
-    stride: int = 1,
-    pad: Pad = (1, 1, 1, 1),
-    relu: bool = True,
-) -> Conv:
-    """Quantises float weights `[cout][kh][kw][cin]` symmetrically per output channel.
-
-    Each source's activation scale is folded into its channels first: one scale per output channel is left.
-    """
-    weight = np.asarray(weight, np.float32)
-    bias = np.asarray(bias, np.float32)
-    scales = np.concatenate([np.full(graph_tensors[s.tensor].channels, graph_tensors[s.tensor].scale) for s in sources])
-    folded = weight.astype(np.float64) * scales
-    peak = np.abs(folded).max(axis=(1, 2, 3))
-    weight_scale = (np.maximum(peak, 1e-12) / 127.0).astype(np.float32)
-    wide = weight_scale.astype(np.float64)
-    weight_q = np.clip(np.rint(folded / wide[:, None, None, None]), -127, 127).astype(np.int8)
-    bias_q = np.clip(np.rint(bias / wide), -(2**30), 2**30).astype(np.int32)
-    return Conv(name, sources, output, weight_q, weight_scale, bias_q, stride, pad, relu, weight, bias)
 
 
 def pack_weights(weight_q: Array) -> Array:
@@ -262,6 +126,13 @@ def _layer_record(graph: Graph, ids: dict[str, int], layer: Layer, sections: dic
         fields[6:8] = [kh, kw]
         fields[9:13] = layer.pad
         fields[17] = cout
+    elif isinstance(layer, Depthwise):
+        fields[1:5] = _source_fields(graph, ids, (Source(layer.source),))
+        kh, kw, cout = layer.weight_q.shape
+        _require(graph.tensor(layer.source).channels == cout, f"{layer.name}: one kernel per channel of its source")
+        fields[6:8] = [kh, kw]
+        fields[9:13] = layer.pad
+        fields[17] = cout
     elif isinstance(layer, MeanPool):
         pair = _source_fields(graph, ids, tuple(Source(s) for s in layer.sources))
         fields[1], fields[3] = pair[0], pair[2]
@@ -271,7 +142,7 @@ def _layer_record(graph: Graph, ids: dict[str, int], layer: Layer, sections: dic
         _require(1 <= len(layer.sources) <= 2, f"{layer.name}: a layer reads one or two sources")
         for field, source in zip((1, 3), layer.sources, strict=False):
             fields[field] = ids[source]
-    if isinstance(layer, Conv):
+    if isinstance(layer, Conv | Depthwise):
         _require(
             layer.weight_q.dtype == np.int8 and int(layer.weight_q.min()) >= -127,
             f"{layer.name}: weights in [-127, 127]",
@@ -282,16 +153,14 @@ def _layer_record(graph: Graph, ids: dict[str, int], layer: Layer, sections: dic
         )
         _require(layer.weight_scale.shape == (cout,), f"{layer.name}: one weight scale per channel")
         _require(graph.tensor(layer.output).channels == cout, f"{layer.name}: output has other channels")
-        fields[0], fields[5], fields[8], fields[13] = (
-            OP_CONV,
-            ids[layer.output],
-            layer.stride,
-            int(layer.relu),
-        )
-        fields[18] = weights.add(pack_weights(layer.weight_q), "<i1")
+        dense = isinstance(layer, Conv)
+        fields[0] = OP_CONV if dense else OP_DEPTHWISE
+        fields[5], fields[8], fields[13] = ids[layer.output], layer.stride, int(layer.relu)
+        fields[18] = weights.add(pack_weights(layer.weight_q) if dense else layer.weight_q, "<i1")
         fields[19] = params.add(layer.bias_q, "<i4")
         fields[20] = params.add(layer.weight_scale, "<f4")
-        fields[21] = params.add(column_sums(layer.weight_q, channels), "<i4")
+        if dense:
+            fields[21] = params.add(column_sums(layer.weight_q, channels), "<i4")
         fields[22] = fields[23] = NONE
         if layer.weight is not None and layer.bias is not None:
             _require(layer.weight.shape == layer.weight_q.shape, f"{layer.name}: float weights of another shape")
@@ -411,16 +280,12 @@ def _parse_layer(sections: dict[str, bytes], tensors: list[Tensor], record: byte
     op, cout, (kh, kw) = fields[0], fields[17], fields[6:8]
     pad: Pad = (fields[9], fields[10], fields[11], fields[12])
     params = sections["PARM"]
-    if op == OP_CONV:
-        shape = (cout, kh, kw, cin)
-        packed_count = -(-cout // PANEL) * kh * -(-kw * cin // GROUP) * PANEL * GROUP
-        packed = np.frombuffer(sections["WGT8"], np.int8, packed_count, fields[18])
+    if op in (OP_CONV, OP_DEPTHWISE):
+        shape = (cout, kh, kw, cin) if op == OP_CONV else (kh, kw, cout)
+        count = -(-cout // PANEL) * kh * -(-kw * cin // GROUP) * PANEL * GROUP if op == OP_CONV else kh * kw * cout
+        codes = np.frombuffer(sections["WGT8"], np.int8, count, fields[18])
         has_float = fields[22] != NONE
-        return Conv(
-            name,
-            sources,
-            tensors[fields[5]].name,
-            unpack_weights(packed, shape),
+        rest = (
             _floats(params, fields[20], (cout,)),
             _floats(params, fields[19], (cout,), "<i4"),
             fields[8],
@@ -429,6 +294,10 @@ def _parse_layer(sections: dict[str, bytes], tensors: list[Tensor], record: byte
             _floats(sections["WGTF"], fields[22], shape) if has_float else None,
             _floats(sections["WGTF"], fields[23], (cout,)) if has_float else None,
         )
+        output = tensors[fields[5]].name
+        if op == OP_CONV:
+            return Conv(name, sources, output, unpack_weights(codes, shape), *rest)
+        return Depthwise(name, sources[0].tensor, output, codes.reshape(shape).copy(), *rest)
     if op == OP_MEAN_POOL:
         return MeanPool(name, tuple(s.tensor for s in sources), tensors[fields[5]].name)
     if op == OP_DENSE:
