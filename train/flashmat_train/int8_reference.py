@@ -18,6 +18,7 @@ from .modelfile import (
     Array,
     Conv,
     Dense,
+    Depthwise,
     Graph,
     MeanPool,
     MixHead,
@@ -84,6 +85,14 @@ def correlate(image: Array, weight: Array, stride: int, pad: tuple[int, int, int
     ho, wo = windows.shape[:2]
     columns = windows.transpose(0, 1, 3, 4, 2).reshape(ho * wo, -1)
     return (columns @ weight.reshape(weight.shape[0], -1).T).reshape(ho, wo, -1)
+
+
+def correlate_depthwise(image: Array, weight: Array, stride: int, pad: tuple[int, int, int, int]) -> Array:
+    """[h][w][channels] with [kh][kw][channels], padded with zeros (top, left, bottom, right): [ho][wo][channels]."""
+    top, left, bottom, right = pad
+    padded = np.pad(image, ((top, bottom), (left, right), (0, 0)))
+    windows = np.lib.stride_tricks.sliding_window_view(padded, weight.shape[:2], axis=(0, 1))[::stride, ::stride]
+    return np.einsum("yxcij,ijc->yxc", windows, weight)
 
 
 def pixel_shuffle(image: Array, factor: int) -> Array:
@@ -158,10 +167,13 @@ def run_int8(graph: Graph, input_q: Array, override: int | None = None) -> Resul
         return result.tensors[name].astype(np.int64) - graph.tensor(name).zero_point
 
     for layer in graph.layers:
-        if isinstance(layer, Conv):
-            out = graph.tensor(layer.output)
-            image = _join(graph, layer.sources, centred)
-            acc = correlate(image, layer.weight_q.astype(np.int64), layer.stride, layer.pad) + layer.bias_q
+        if isinstance(layer, Conv | Depthwise):
+            out, weight = graph.tensor(layer.output), layer.weight_q.astype(np.int64)
+            if isinstance(layer, Conv):
+                acc = correlate(_join(graph, layer.sources, centred), weight, layer.stride, layer.pad)
+            else:
+                acc = correlate_depthwise(centred(layer.source), weight, layer.stride, layer.pad)
+            acc = acc + layer.bias_q
             if np.abs(acc).max() >= 2**31:
                 raise ModelFileError(f"{layer.name}: accumulator beyond 32 bits")
             multiplier = layer.weight_scale.astype(F32) / F32(out.scale)
@@ -186,11 +198,16 @@ def run_float(graph: Graph, image: Array, override: int | None = None) -> Result
     """Runs the float weights on a real-valued input [n][n][6], in double precision."""
     result = Result(tensors={graph.input: image.astype(np.float64)})
     for layer in graph.layers:
-        if isinstance(layer, Conv):
+        if isinstance(layer, Conv | Depthwise):
             if layer.weight is None or layer.bias is None:
                 raise ModelFileError("the model has no float weights")
-            joined = _join(graph, layer.sources, result.tensors.__getitem__)
-            out = correlate(joined, layer.weight.astype(np.float64), layer.stride, layer.pad) + layer.bias
+            weight = layer.weight.astype(np.float64)
+            if isinstance(layer, Conv):
+                joined = _join(graph, layer.sources, result.tensors.__getitem__)
+                out = correlate(joined, weight, layer.stride, layer.pad) + layer.bias
+            else:
+                read = result.tensors[layer.source]
+                out = correlate_depthwise(read, weight, layer.stride, layer.pad) + layer.bias
             result.tensors[layer.output] = np.maximum(out, 0.0) if layer.relu else out
         elif isinstance(layer, MeanPool):
             result.tensors[layer.output] = np.concatenate([result.tensors[s].mean(axis=(0, 1)) for s in layer.sources])

@@ -11,6 +11,7 @@ from toy_model import smooth_photo, toy_model
 from flashmat_train.int8_reference import (
     activate,
     correlate,
+    correlate_depthwise,
     network_input,
     pixel_shuffle,
     quantise_input,
@@ -18,7 +19,7 @@ from flashmat_train.int8_reference import (
     run_float,
     run_int8,
 )
-from flashmat_train.modelfile import Conv
+from flashmat_train.modelfile import Conv, Depthwise
 
 
 @pytest.mark.parametrize(("kernel", "stride", "pad"), [((3, 3), 1, (1, 1, 1, 1)), ((4, 4), 2, (1, 1, 1, 1))])
@@ -32,6 +33,20 @@ def test_correlate_is_conv2d(kernel: tuple[int, int], stride: int, pad: tuple[in
         padding=1,
     )
     np.testing.assert_allclose(correlate(image, weight, stride, pad), theirs[0].numpy().transpose(1, 2, 0), atol=1e-12)
+
+
+@pytest.mark.parametrize(("kernel", "stride"), [((3, 3), 1), ((5, 3), 2)])
+def test_correlate_depthwise_is_grouped_conv2d(kernel: tuple[int, int], stride: int) -> None:
+    rng = np.random.default_rng(3)
+    image, weight = rng.normal(size=(12, 16, 7)), rng.normal(size=(*kernel, 7))
+    theirs = F.conv2d(
+        F.pad(torch.tensor(image.transpose(2, 0, 1))[None], (1, 1, 1, 3)),
+        torch.tensor(weight.transpose(2, 0, 1))[:, None],
+        stride=stride,
+        groups=7,
+    )
+    ours = correlate_depthwise(image, weight, stride, (1, 1, 3, 1))
+    np.testing.assert_allclose(ours, theirs[0].numpy().transpose(1, 2, 0), atol=1e-12)
 
 
 def test_pixel_shuffle_is_torch() -> None:
@@ -69,7 +84,7 @@ def test_int8_follows_float() -> None:
     image = network_input(smooth_photo())
     exact, quantised = run_float(model.graph, image), run_int8(model.graph, quantise_input(image))
     for layer in model.graph.layers:
-        if not isinstance(layer, Conv):
+        if not isinstance(layer, Conv | Depthwise):
             continue
         tensor = model.graph.tensor(layer.output)
         real = (quantised.tensors[layer.output].astype(float) - tensor.zero_point) * tensor.scale

@@ -12,10 +12,13 @@ from toy_model import toy_model
 from flashmat_train.modelfile import (
     Conv,
     Dense,
+    Depthwise,
     Layer,
     MixHead,
     ModelFileError,
+    Tensor,
     column_sums,
+    depthwise_from_float,
     model_bytes,
     pack_weights,
     parse_model,
@@ -77,6 +80,15 @@ def test_column_sums_per_source() -> None:
     assert sums[1, 2] == weights[2, :, :, 4:].astype(int).sum()
 
 
+def test_depthwise_codes_stand_for_the_weights() -> None:
+    rng = np.random.default_rng(7)
+    weight, bias = rng.normal(size=(3, 5, 11)), rng.normal(size=11)
+    layer = depthwise_from_float({"in": Tensor("in", 11, 2, 0.02, -5)}, "dw", "in", "out", weight, bias)
+    assert (np.abs(layer.weight_q).max(axis=(0, 1)) == 127).all()
+    np.testing.assert_allclose(layer.weight_q * layer.weight_scale / 0.02, weight, atol=layer.weight_scale.max() / 0.04)
+    np.testing.assert_allclose(layer.bias_q * layer.weight_scale, bias, atol=layer.weight_scale.max())
+
+
 @pytest.mark.parametrize("at", [3, 9, 13, 17, 25, 70, 300, -1])
 def test_damage_is_seen(at: int) -> None:
     data = bytearray(model_bytes(toy_model()))
@@ -93,10 +105,12 @@ def test_truncation_is_seen() -> None:
 
 
 def test_writer_refuses_wrong_shapes() -> None:
-    for change in ("conv", "dense", "mix"):
+    for change in ("conv", "depthwise", "dense", "mix"):
         model = toy_model()
         for layer in model.graph.layers:
             if change == "conv" and isinstance(layer, Conv):
+                layer.weight_q = layer.weight_q[..., 1:]
+            if change == "depthwise" and isinstance(layer, Depthwise):
                 layer.weight_q = layer.weight_q[..., 1:]
             if change == "dense" and isinstance(layer, Dense):
                 layer.bias = layer.bias[1:]

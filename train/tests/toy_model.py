@@ -12,6 +12,7 @@ from flashmat_train.modelfile import (
     Conv,
     Defaults,
     Dense,
+    Depthwise,
     Graph,
     Layer,
     MeanPool,
@@ -20,6 +21,7 @@ from flashmat_train.modelfile import (
     Source,
     Tensor,
     conv_from_float,
+    depthwise_from_float,
 )
 
 
@@ -31,6 +33,12 @@ class ToyBuilder:
         self.ranges = ranges  # of each convolution's output; missing: (0, 2)
         self.tensors = {"input": Tensor("input", 6, 1, INPUT_SCALE, INPUT_ZERO_POINT)}
         self.layers: list[Layer] = []
+
+    def image(self, name: str, channels: int, divisor: int) -> None:
+        """Adds an image tensor with the scale and zero point of its range."""
+        low, high = self.ranges.get(name, (0.0, 2.0))
+        scale = float(np.float32((high - low) / 255))
+        self.tensors[name] = Tensor(name, channels, divisor, scale, int(np.rint(-128 - low / scale)))
 
     def conv(
         self,
@@ -46,14 +54,24 @@ class ToyBuilder:
         read = [self.tensors[s.tensor] for s in sources]
         cin = sum(tensor.channels for tensor in read)
         divisor = read[0].divisor // (2 if sources[0].upsample else 1) * stride
-        low, high = self.ranges.get(name, (0.0, 2.0))
-        scale = float(np.float32((high - low) / 255))
-        zero_point = int(np.rint(-128 - low / scale))
-        self.tensors[name] = Tensor(name, channels, divisor, scale, zero_point)
+        self.image(name, channels, divisor)
         weight = self.rng.normal(0, 1.6 / np.sqrt(cin * kernel[0] * kernel[1]), (channels, *kernel, cin))
         bias = self.rng.normal(0, 0.3, channels)
         self.layers.append(
             conv_from_float(self.tensors, name, sources, name, weight, bias, stride=stride, pad=pad, relu=relu)
+        )
+        return name
+
+    def depthwise(
+        self, name: str, source: str, kernel: tuple[int, int], stride: int, pad: tuple[int, int, int, int], relu: bool
+    ) -> str:
+        """Adds a depthwise convolution and its output tensor; returns the tensor's name."""
+        channels = self.tensors[source].channels
+        self.image(name, channels, self.tensors[source].divisor * stride)
+        weight = self.rng.normal(0, 1.6 / np.sqrt(kernel[0] * kernel[1]), (*kernel, channels))
+        bias = self.rng.normal(0, 0.3, channels)
+        self.layers.append(
+            depthwise_from_float(self.tensors, name, source, name, weight, bias, stride=stride, pad=pad, relu=relu)
         )
         return name
 
@@ -92,7 +110,8 @@ def _build(seed: int, ranges: dict[str, tuple[float, float]]) -> Model:
     low = toy.conv("enc1", (Source("input"),), 6, (4, 4), 2)
     mid = toy.conv("enc2", (Source(low),), 13, (4, 4), 2)
     deep = toy.conv("enc3", (Source(mid),), 34, (3, 3), 2, (0, 0, 1, 1), relu=False)
-    deep = toy.conv("enc4", (Source(deep),), 18, (1, 1), 1, (0, 0, 0, 0))
+    wide = toy.depthwise("wide", mid, (5, 3), 2, (1, 1, 2, 0), relu=True)
+    deep = toy.conv("enc4", (Source(deep), Source(wide)), 18, (1, 1), 1, (0, 0, 0, 0))
     toy.classifier(((deep, mid), (low,)), 24)
     detail = Source(toy.conv("detail", (Source("input"),), 5, (2, 2), 2, (0, 0, 0, 0)))
     for kind, width in (("albedo", 7), ("normal", 6), ("roughness", 5)):
@@ -112,8 +131,8 @@ def smooth_photo(size: int = 128, seed: int = 5) -> np.ndarray:
     return (full.transpose(0, 2, 1) ** 2).astype(np.float32)
 
 
-def toy_model(seed: int = 4) -> Model:
-    """Three levels deep; concatenation, also in two heads, up-sampling, asymmetric padding, 1x1, a layer without ReLU.
+def toy_model(seed: int = 7) -> Model:
+    """Three levels deep; concatenation, also in two heads, up-sampling, asymmetric padding, 1x1, depthwise, without ReLU.
 
     The activations' scales are measured on `smooth_photo` with the float weights, as the exporter does it.
     """
@@ -122,7 +141,7 @@ def toy_model(seed: int = 4) -> Model:
     ranges = {
         layer.output: (min(0.0, float(out.min())), float(out.max()))
         for layer in draft.graph.layers
-        if isinstance(layer, Conv)
+        if isinstance(layer, Conv | Depthwise)
         for out in [result.tensors[layer.output]]
     }
     return _build(seed, ranges)
