@@ -21,6 +21,7 @@ from .data.pool import Pool
 from .model import HEADS, INPUT_CHANNELS, ConvBlock, Network, NetworkConfig
 from .modelfile import Source
 from .render.envmap import Environments
+from .trunk import FoldedConv, Trunk
 
 
 def add_arguments(p: argparse.ArgumentParser) -> None:
@@ -89,7 +90,7 @@ def consumers(network: Network) -> dict[str, list[tuple[nn.Module, int]]]:
     for i in range(1, depth):
         out[f"enc{i - 1}"].append((named[f"enc{i}"].conv, 0))
     first = 0
-    for stage in (depth - 1, *network.config.texture):
+    for stage in (depth - 1, *network.config.texture) if network.trunk is None else ():
         out[f"enc{stage}"].append((network.classifier[0], first))
         first += network.config.encoder[stage]
     for name, decoder in network.decoders.items():
@@ -143,7 +144,8 @@ def equalise(network: Network, photos: list[Tensor]) -> None:
 
 @torch.no_grad()
 def build(network: Network, ranges: dict[str, float], meta: dict, card: str, crf: np.ndarray) -> modelfile.Model:
-    """The model file's contents from a trained network and its activation ranges."""
+    """The model file's contents from a trained network and its activation ranges (with a trunk: its `trunk_ranges` too,
+    below and above zero under `NAME.low` and `NAME`)."""
     config = network.config
     depth = len(config.encoder)
     tensors = [modelfile.Tensor("input", INPUT_CHANNELS, 1, modelfile.INPUT_SCALE, modelfile.INPUT_ZERO_POINT)]
@@ -180,11 +182,14 @@ def build(network: Network, ranges: dict[str, float], meta: dict, card: str, crf
     for i, block in enumerate(network.encoder):
         conv(f"enc{i}", (Source(previous),), 2 ** (i + 1), block)
         previous = f"enc{i}"
-    read = (depth - 1, *config.texture)
+    if network.trunk is None:
+        read = [f"enc{stage}" for stage in (depth - 1, *config.texture)]
+    else:
+        read = add_trunk(network.trunk, ranges, table, tensors, layers)
     pooled = [read[i : i + 2] for i in range(0, len(read), 2)]  # a layer has two sources at most
-    for i, stages in enumerate(pooled):
-        tensor(f"pooled{i}", sum(config.encoder[stage] for stage in stages), 0)
-        layers.append(modelfile.MeanPool(f"pooled{i}", tuple(f"enc{stage}" for stage in stages), f"pooled{i}"))
+    for i, sources in enumerate(pooled):
+        tensor(f"pooled{i}", sum(table[source].channels for source in sources), 0)
+        layers.append(modelfile.MeanPool(f"pooled{i}", tuple(sources), f"pooled{i}"))
     dense("hidden", tuple(f"pooled{i}" for i in range(len(pooled))), network.classifier[0], True)
     dense("logits", ("hidden",), network.classifier[2], False)
     detail: tuple[Source, ...] = ()
@@ -204,6 +209,95 @@ def build(network: Network, ranges: dict[str, float], meta: dict, card: str, crf
         layers.append(modelfile.MixHead(f"{name}.head", (Source(previous), *detail), name, 2, w.numpy(), b.numpy()))
     graph = modelfile.Graph(tensors, layers, "input", "logits")
     return modelfile.Model(meta, graph, crf.astype(np.float32), card=card)
+
+
+def trunk_layers(trunk: Trunk) -> dict[str, nn.Module]:
+    """The modules of a trunk by the name of the tensor that they write: a residual block writes its sum."""
+    out: dict[str, nn.Module] = {"trunk.stem": trunk.stem}
+    for i, block in enumerate(trunk.blocks):
+        if block.expand is not None:
+            out[f"trunk{i}.expand"] = block.expand
+        out[f"trunk{i}.spatial"] = block.spatial
+        if block.project is not None:
+            out[f"trunk{i}.project"] = block
+    return out
+
+
+@torch.no_grad()
+def trunk_ranges(network: Network, photos: list[Tensor], share: float = 0.9999) -> dict[str, float]:
+    """The largest value of each of the trunk's tensors but for a share of outliers, and as `NAME.low` the least one."""
+    ends: dict[str, tuple[list[float], list[float]]] = {}
+
+    def look(name: str, y: Tensor | tuple[Tensor, Tensor]) -> None:
+        v = (y if isinstance(y, Tensor) else y[0]).flatten()
+        k = max(1, int(v.numel() * (1 - share)))
+        low, high = ends.setdefault(name, ([], []))
+        low.append(min(float(v.kthvalue(k).values), 0.0))
+        high.append(float(v.topk(k).values[-1]))
+
+    hooks = [
+        layer.register_forward_hook(lambda _m, _i, y, name=name: look(name, y))
+        for name, layer in trunk_layers(network.trunk).items()
+    ]
+    for photo in photos:
+        network.trunk(photo)
+    for hook in hooks:
+        hook.remove()
+    out = {}
+    for name, (low, high) in ends.items():
+        out[f"{name}.low"], out[name] = float(np.quantile(low, 0.02)), max(float(np.quantile(high, 0.98)), 1e-4)
+    return out
+
+
+def add_trunk(
+    trunk: Trunk,
+    ranges: dict[str, float],
+    table: dict[str, modelfile.Tensor],
+    tensors: list[modelfile.Tensor],
+    layers: list[modelfile.Layer],
+) -> list[str]:
+    """Appends the trunk's tensors and layers; returns the tensors whose means the classifier reads.
+
+    A residual block's sum is its projection's: the 1x1 convolution reads the block's input beside the wide tensor, with
+    weights of one. ReLU6 is the end of the tensor's codes.
+    """
+
+    def add(name: str, sources: tuple[Source, ...], layer: FoldedConv, skip: bool = False) -> str:
+        conv = layer.conv
+        low = 0.0 if layer.relu else ranges[f"{name}.low"]
+        high = min(ranges[name], 6.0) if layer.relu else ranges[name]
+        scale = float(np.float32((high - low) / 255.0))
+        stride = conv.stride[0]
+        divisor = table[sources[0].tensor].divisor * stride
+        zero = int(np.clip(np.rint(-128 - low / scale), -128, 127))
+        table[name] = modelfile.Tensor(name, conv.out_channels, divisor, scale, zero)
+        tensors.append(table[name])
+        weight, bias = conv.weight.detach().float(), conv.bias.detach().float().numpy()
+        before, after = layer.pad
+        how = {"stride": stride, "pad": (before, before, after, after), "relu": layer.relu, "relu6": layer.relu}
+        if conv.groups > 1:
+            taps = weight[:, 0].permute(1, 2, 0).numpy()
+            layers.append(modelfile.depthwise_from_float(table, name, sources[0].tensor, name, taps, bias, **how))
+            return name
+        if skip:
+            weight = torch.cat((weight, torch.eye(conv.out_channels)[:, :, None, None]), dim=1)
+        layers.append(
+            modelfile.conv_from_float(table, name, sources, name, weight.permute(0, 2, 3, 1).numpy(), bias, **how)
+        )
+        return name
+
+    previous, read = add("trunk.stem", (Source("input"),), trunk.stem), []
+    for i, block in enumerate(trunk.blocks):
+        start = previous
+        if block.expand is not None:
+            previous = add(f"trunk{i}.expand", (Source(previous),), block.expand)
+        previous = add(f"trunk{i}.spatial", (Source(previous),), block.spatial)
+        if i in trunk.reads:
+            read.append(previous)
+        if block.project is not None:
+            sources = (Source(previous), Source(start)) if block.residual else (Source(previous),)
+            previous = add(f"trunk{i}.project", sources, block.project, block.residual)
+    return read
 
 
 def calibration_photos(data: str | None, count: int, size: int) -> list[Tensor]:
@@ -237,6 +331,8 @@ def run(args: argparse.Namespace) -> None:
     for _ in range(3):  # each layer's factors change its neighbours' balance
         equalise(network, photos)
     ranges = calibrate(network, photos)
+    if network.trunk is not None:
+        ranges |= trunk_ranges(network, photos)
     crf = np.tile(np.array(CRF_DEFAULT, np.float32), (len(CLASSES), 1))
     if args.crf:
         crf = np.array(json.loads(args.crf.read_text()), np.float32)
@@ -253,7 +349,7 @@ def run(args: argparse.Namespace) -> None:
     model.defaults = modelfile.Defaults(base_size=state.get("size", 128), top_size=state.get("top_size", 0))
     if not args.float:
         for layer in model.graph.layers:
-            if isinstance(layer, modelfile.Conv):
+            if isinstance(layer, modelfile.Conv | modelfile.Depthwise):
                 layer.weight = layer.bias = None
     modelfile.write_model(args.out, model)
     print(f"{args.out}: {args.out.stat().st_size / 1e6:.2f} MB, {state.get('samples', 0)} samples")

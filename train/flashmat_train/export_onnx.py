@@ -21,6 +21,7 @@ from torch import nn
 from . import CLASSES, checkpoint
 from .export import calibration_photos, fold
 from .model import HEADS, INPUT_CHANNELS, Z_EPS, ConvBlock, Network, NetworkConfig
+from .trunk import FoldedConv, Trunk
 
 OPSET = 21
 
@@ -60,6 +61,29 @@ class Builder:
         y = self.add("Conv", inputs, f"{name}.conv", kernel_shape=list(k), pads=[p] * 4, strides=[s, s])
         return self.add("Relu", [y], name)
 
+    def folded(self, name: str, source: str, layer: FoldedConv) -> str:
+        """A convolution of the trunk, with its ReLU6 if it has one."""
+        conv, (before, after) = layer.conv, layer.pad
+        w, v = conv.weight.detach().numpy(), conv.bias.detach().numpy()
+        inputs = [source, self.constant(f"{name}.weight", w), self.constant(f"{name}.bias", v)]
+        how = {"pads": [before, before, after, after], "strides": list(conv.stride), "group": conv.groups}
+        y = self.add("Conv", inputs, f"{name}.conv", kernel_shape=list(w.shape[2:]), **how)
+        ends = [self.constant(f"{name}.{end}", np.array(x, np.float32)) for end, x in (("low", 0), ("high", 6))]
+        return self.add("Clip", [y, *ends], name) if layer.relu else y
+
+    def trunk(self, trunk: Trunk) -> list[str]:
+        """The trunk; the tensors whose means the classifier reads."""
+        x, read = self.folded("trunk.stem", "input", trunk.stem), []
+        for i, block in enumerate(trunk.blocks):
+            y = x if block.expand is None else self.folded(f"trunk{i}.expand", x, block.expand)
+            y = self.folded(f"trunk{i}.spatial", y, block.spatial)
+            if i in trunk.reads:
+                read.append(y)
+            if block.project is not None:
+                y = self.folded(f"trunk{i}.project", y, block.project)
+                x = self.add("Add", [x, y], f"trunk{i}.sum") if block.residual else y
+        return read
+
     def dense(self, name: str, source: str, layer: nn.Linear) -> str:
         w, b = layer.weight.detach().numpy(), layer.bias.detach().numpy()
         inputs = [source, self.constant(f"{name}.weight", w), self.constant(f"{name}.bias", b)]
@@ -74,9 +98,12 @@ def build(network: Network) -> Any:
     for i, block in enumerate(network.encoder):
         x = b.conv(f"enc{i}", x, block)
         features.append(x)
+    if network.trunk is None:
+        read = [x, *(features[stage] for stage in network.config.texture)]
+    else:
+        read = b.trunk(network.trunk)
     means = [
-        b.add("Flatten", [b.add("GlobalAveragePool", [y], f"pooled{i}")], f"pooled{i}.flat")
-        for i, y in enumerate((x, *(features[stage] for stage in network.config.texture)))
+        b.add("Flatten", [b.add("GlobalAveragePool", [y], f"pooled{i}")], f"pooled{i}.flat") for i, y in enumerate(read)
     ]
     flat = b.add("Concat", means, "pooled", axis=1)
     hidden = b.add("Relu", [b.dense("hidden.sum", flat, network.classifier[0])], "hidden")

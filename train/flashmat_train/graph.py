@@ -57,6 +57,7 @@ class Conv:
     # The float engine's: f32 [cout][kh][kw][cin_total], real units, batch norm folded.
     weight: Array | None = None
     bias: Array | None = None  # f32 [cout]
+    relu6: bool = False  # as `relu`, and nothing is above 6: int8 codes end there, the float engine must be told
 
 
 @dataclass
@@ -75,6 +76,7 @@ class Depthwise:
     # The float engine's: f32 [kh][kw][channels], real units, batch norm folded.
     weight: Array | None = None
     bias: Array | None = None  # f32 [channels]
+    relu6: bool = False  # as `Conv`'s
 
 
 @dataclass
@@ -175,6 +177,7 @@ def conv_from_float(
     stride: int = 1,
     pad: Pad = (1, 1, 1, 1),
     relu: bool = True,
+    relu6: bool = False,
 ) -> Conv:
     """Quantises float weights `[cout][kh][kw][cin]` symmetrically per output channel.
 
@@ -186,7 +189,7 @@ def conv_from_float(
     folded = np.moveaxis(weight.astype(np.float64) * scales, 0, -1)
     weight_q, weight_scale, bias_q = _quantised(folded, bias)
     weight_q = np.ascontiguousarray(np.moveaxis(weight_q, -1, 0))
-    return Conv(name, sources, output, weight_q, weight_scale, bias_q, stride, pad, relu, weight, bias)
+    return Conv(name, sources, output, weight_q, weight_scale, bias_q, stride, pad, relu, weight, bias, relu6)
 
 
 def depthwise_from_float(
@@ -200,9 +203,10 @@ def depthwise_from_float(
     stride: int = 1,
     pad: Pad = (1, 1, 1, 1),
     relu: bool = True,
+    relu6: bool = False,
 ) -> Depthwise:
     """Quantises float weights `[kh][kw][channels]` symmetrically per channel, the source's scale folded in first."""
     weight = np.asarray(weight, np.float32)
     bias = np.asarray(bias, np.float32)
     quantised = _quantised(weight.astype(np.float64) * graph_tensors[source].scale, bias)
-    return Depthwise(name, source, output, *quantised, stride, pad, relu, weight, bias)
+    return Depthwise(name, source, output, *quantised, stride, pad, relu, weight, bias, relu6)

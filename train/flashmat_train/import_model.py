@@ -19,8 +19,9 @@ import torch
 from torch import Tensor
 
 from . import checkpoint, modelfile
-from .export import blocks, calibration_photos
+from .export import blocks, calibration_photos, trunk_layers
 from .model import PRESETS, Network, NetworkConfig
+from .trunk import Bottleneck
 
 
 def add_arguments(p: argparse.ArgumentParser) -> None:
@@ -44,7 +45,10 @@ def config_of(model: modelfile.Model) -> NetworkConfig:
             encoder=tuple(channels[f"enc{i}"] for i in range(depth)),
             decoder=tuple(channels[f"albedo.dec{i}"] for i in range(depth - 1)),
             classifier=channels["hidden"],
-            texture=tuple(int(name.removeprefix("enc")) for name in pooled[1:]),
+            trunk=sum(name.endswith(".spatial") for name in channels),
+            texture=tuple(int(name.removeprefix("enc")) for name in pooled[1:])
+            if "trunk.stem" not in channels
+            else preset.texture,
             room=0,
             detail=channels.get("detail", 0),
             encoder_kernel=layers["enc0"].weight_q.shape[1],
@@ -54,9 +58,14 @@ def config_of(model: modelfile.Model) -> NetworkConfig:
         raise ValueError(f"the file has no tensor or layer {e}: it was not exported from this package's network") from e
 
 
-def real_weights(model: modelfile.Model, layer: modelfile.Conv) -> tuple[Tensor, Tensor]:
+def real_weights(model: modelfile.Model, layer: modelfile.Conv | modelfile.Depthwise) -> tuple[Tensor, Tensor]:
     """Float weights (cout,cin,kh,kw) and bias of an int8 convolution, the sources' scales taken out of the weights."""
     graph = model.graph
+    if isinstance(layer, modelfile.Depthwise):
+        step = layer.weight_scale.astype(np.float64)
+        weight = layer.weight_q * (step / graph.tensor(layer.source).scale)
+        taps = torch.from_numpy(weight).permute(2, 0, 1)[:, None]
+        return taps.float(), torch.from_numpy(layer.bias_q * step).float()
     scales = np.concatenate(
         [np.full(graph.tensor(s.tensor).channels, graph.tensor(s.tensor).scale) for s in layer.sources]
     )
@@ -77,6 +86,12 @@ def network_of(model: modelfile.Model) -> Network:
         block.norm.running_var.fill_(1 - block.norm.eps)
         block.norm.weight.fill_(1)
         block.norm.bias.copy_(bias)
+    for name, module in trunk_layers(network.trunk).items() if network.trunk is not None else ():
+        layer = module.project if isinstance(module, Bottleneck) else module
+        weight, bias = real_weights(model, layers[name])
+        # a residual block's projection has the block's input, with weights of one, behind its own channels
+        layer.conv.weight.copy_(weight[:, : layer.conv.weight.shape[1]])
+        layer.conv.bias.copy_(bias)
     for name, linear in (("hidden", network.classifier[0]), ("logits", network.classifier[2])):
         linear.weight.copy_(torch.from_numpy(layers[name].weight))
         linear.bias.copy_(torch.from_numpy(layers[name].bias))

@@ -208,7 +208,8 @@ def run_float(graph: Graph, image: Array, override: int | None = None) -> Result
             else:
                 read = result.tensors[layer.source]
                 out = correlate_depthwise(read, weight, layer.stride, layer.pad) + layer.bias
-            result.tensors[layer.output] = np.maximum(out, 0.0) if layer.relu else out
+            out = np.maximum(out, 0.0) if layer.relu else out
+            result.tensors[layer.output] = np.minimum(out, 6.0) if layer.relu6 else out
         elif isinstance(layer, MeanPool):
             result.tensors[layer.output] = np.concatenate([result.tensors[s].mean(axis=(0, 1)) for s in layer.sources])
         elif isinstance(layer, Dense):

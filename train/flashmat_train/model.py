@@ -2,6 +2,7 @@
 mixes the per-class last layers (paper, "Network Design"). Presets are the widths; every layer folds to int8.
 
 The heads also read a convolution of the photo itself ("detail"): what is in the albedo is in the photo, pixel by pixel.
+The classifier reads a trunk of its own (`trunk.py`), or, without one, the means of some of the encoder's stages.
 
 Input (B,6,n,n): sRGB-encoded R, G, B in [0,1]; then where the pixel's ray meets the plane at distance 1, x and y, as
 (x / COORDINATE_REACH + 1) / 2, so that the network knows the field of view and with it the flash's falloff; then 1
@@ -19,6 +20,7 @@ import torch.nn.functional as F
 from torch import Tensor, nn
 
 from . import CLASSES
+from . import trunk as pretrained
 from .render.flash import FOV_DEG, pixel_positions
 
 HEADS = {"albedo": 3, "normal": 3, "roughness": 1}
@@ -37,7 +39,8 @@ class NetworkConfig:
     encoder: tuple[int, ...]
     decoder: tuple[int, ...]
     classifier: int = 128
-    texture: tuple[int, ...] = (3, 4, 5)  # stages whose means the classifier reads beside the deepest's: texture
+    trunk: int = 0  # blocks of the pretrained trunk that the classifier reads; 0: it reads the encoder's stages
+    texture: tuple[int, ...] = (3, 4, 5)  # stages whose means are read beside the deepest's (classifier, room)
     room: int = 0  # hidden width of the guess of the room's light, a help in training that is not exported; 0: none
     detail: int = 0  # channels at half resolution, straight from the photo, that the heads read too; 0: none
     encoder_kernel: int = 4
@@ -57,7 +60,7 @@ class NetworkConfig:
 
 PRESETS = {
     "phone": NetworkConfig(
-        "phone", (32, 48, 64, 128, 192, 256, 256), (128, 128, 96, 64, 40, 32), 256, room=64, detail=32
+        "phone", (32, 48, 64, 128, 192, 256, 256), (128, 128, 96, 64, 40, 32), 96, trunk=11, room=64, detail=32
     ),
     "paper": NetworkConfig(
         "paper", (64, 128, 256, 256, 512, 512, 512), (512, 256, 256, 128, 96, 64), room=64, detail=32
@@ -132,8 +135,9 @@ class Network(nn.Module):
         self.detail = ConvBlock(INPUT_CHANNELS, config.detail, 2, 2) if config.detail else None
         self.decoders = nn.ModuleDict({name: Decoder(config, n) for name, n in HEADS.items()})
         pooled = config.encoder[-1] + sum(config.encoder[i] for i in config.texture)
+        self.trunk = pretrained.Trunk(config.trunk, INPUT_CHANNELS) if config.trunk else None
         self.classifier = nn.Sequential(
-            nn.Linear(pooled, config.classifier),
+            nn.Linear(pretrained.width(config.trunk) if config.trunk else pooled, config.classifier),
             nn.ReLU(),
             nn.Linear(config.classifier, len(CLASSES)),
         )
@@ -142,7 +146,7 @@ class Network(nn.Module):
             self.room = nn.Sequential(nn.Linear(pooled, config.room), nn.ReLU(), nn.Linear(config.room, 1))
 
     def encode(self, x: Tensor) -> tuple[list[Tensor], Tensor]:
-        """The features of every stage, and what the classifier reads of them."""
+        """The features of every stage, and the means of those that `texture` names and of the deepest."""
         features = []
         for block in self.encoder:
             x = block(x)
@@ -150,19 +154,27 @@ class Network(nn.Module):
         return features, self.pooled(features)
 
     def pooled(self, features: list[Tensor]) -> Tensor:
-        """What the classifier reads: means over space of the deepest features and of the texture stages'."""
+        """Means over space of the deepest features and of the texture stages'."""
         read = (features[-1], *(features[i] for i in self.config.texture))
         return torch.cat([f.float().mean(dim=(2, 3)) for f in read], dim=1)
 
+    def evidence(self, x: Tensor, pooled: Tensor) -> Tensor:
+        """What the classifier reads: the trunk's means, else the encoder's. The trunk runs in single precision: on CPUs
+        depthwise convolutions in bf16 take ten times as long."""
+        if self.trunk is None:
+            return pooled
+        with torch.autocast(x.device.type, enabled=False):
+            return self.trunk(x.float())
+
     def classify(self, x: Tensor) -> Tensor:
         """Class logits alone (variant `clsOnly`)."""
-        return self.classifier(self.encode(x)[1])
+        return self.classifier(self.evidence(x, self.encode(x)[1] if self.trunk is None else x))
 
     def forward(self, x: Tensor) -> dict[str, Tensor]:
         """`albedo` (B,3,n,n), `normal` (B,3,n,n) unit, `roughness` (B,1,n,n), `class_logits` (B,8); with `config.room`
         also `room` (B,), the guess of the room's light over the flash's."""
         features, pooled = self.encode(x)
-        logits = self.classifier(pooled)
+        logits = self.classifier(self.evidence(x, pooled))
         detail = self.detail(x) if self.detail is not None else None
         probabilities = logits.softmax(dim=1)
         raw = {name: decoder(features, detail, probabilities) for name, decoder in self.decoders.items()}
@@ -202,6 +214,7 @@ def gmacs(config: NetworkConfig, size: int = 256) -> float:
         res //= 2
         macs += a * b * config.encoder_kernel**2 * res * res
     macs += INPUT_CHANNELS * config.detail * 4 * (size // 2) ** 2
+    macs += pretrained.macs(config.trunk, INPUT_CHANNELS, size)
     for maps in HEADS.values():
         res, cin = size // 2**STAGES, config.encoder[-1]
         for width, skip in zip(config.decoder, config.encoder[-2::-1], strict=True):

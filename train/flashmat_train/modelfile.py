@@ -155,7 +155,7 @@ def _layer_record(graph: Graph, ids: dict[str, int], layer: Layer, sections: dic
         _require(graph.tensor(layer.output).channels == cout, f"{layer.name}: output has other channels")
         dense = isinstance(layer, Conv)
         fields[0] = OP_CONV if dense else OP_DEPTHWISE
-        fields[5], fields[8], fields[13] = ids[layer.output], layer.stride, int(layer.relu)
+        fields[5], fields[8], fields[13] = ids[layer.output], layer.stride, 2 * layer.relu6 or int(layer.relu)
         fields[18] = weights.add(pack_weights(layer.weight_q) if dense else layer.weight_q, "<i1")
         fields[19] = params.add(layer.bias_q, "<i4")
         fields[20] = params.add(layer.weight_scale, "<f4")
@@ -293,6 +293,7 @@ def _parse_layer(sections: dict[str, bytes], tensors: list[Tensor], record: byte
             bool(fields[13]),
             _floats(sections["WGTF"], fields[22], shape) if has_float else None,
             _floats(sections["WGTF"], fields[23], (cout,)) if has_float else None,
+            fields[13] == 2,
         )
         output = tensors[fields[5]].name
         if op == OP_CONV:

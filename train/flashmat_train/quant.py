@@ -2,7 +2,8 @@
 
 `QuantNetwork` has batch norm folded; activations are rounded to the codes that the model file will have, weights per
 output channel with the sources' scales folded in, the mixed heads' weights after mixing. Rounding passes gradients
-straight through, so the same module can be fine-tuned where rounding costs too much.
+straight through, so the same module can be fine-tuned where rounding costs too much. The classifier's trunk is not
+trained, and not rounded here.
 """
 
 from __future__ import annotations
@@ -78,15 +79,15 @@ class QuantNetwork(nn.Module):
             self.convs[name.replace(".", "_")] = conv
         self.heads = nn.ModuleDict({k: d.head for k, d in network.decoders.items()})
         self.classifier = network.classifier
-        self.pooled = network.pooled
+        self.pooled, self.evidence = network.pooled, network.evidence
 
     def encode(self, x: Tensor) -> tuple[list[Tensor], Tensor]:
         """Features of every stage, and the class logits."""
-        features = []
+        features, y = [], x
         for i in range(len(self.config.encoder)):
-            x = self.convs[f"enc{i}"](x)
-            features.append(x)
-        return features, self.classifier(self.pooled(features))
+            y = self.convs[f"enc{i}"](y)
+            features.append(y)
+        return features, self.classifier(self.evidence(x, self.pooled(features)))
 
     def forward(self, x: Tensor) -> dict[str, Tensor]:
         features, logits = self.encode(x)

@@ -39,6 +39,8 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
     p.add_argument("--procedural-share", type=float, default=0.35)
     p.add_argument("--out", type=Path, required=True, help="run folder: checkpoints, log, curves")
     p.add_argument("--init", type=Path, help="start from these weights (another run's checkpoint)")
+    p.add_argument("--trunk", type=Path, help="EfficientNet-Lite0 state file for the classifier (see `classifier`)")
+    p.add_argument("--freeze-classifier", action="store_true", help="the maps learn, the classifier stays as it is")
     p.add_argument("--preset", default="phone", choices=sorted(PRESETS))
     p.add_argument("--variant", default="cls", choices=("cls", "basic", "clsOnly"))
     p.add_argument("--light", default="pt", choices=("pt", "env"))

@@ -2,38 +2,42 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
 
 from flashmat_train import modelfile
-from flashmat_train.export import blocks, build, calibrate
+from flashmat_train.export import blocks, build, calibrate, trunk_ranges
 from flashmat_train.import_model import network_of, restore_norms
 from flashmat_train.model import PRESETS, Network
 
 
-def exported(photos: list[torch.Tensor]) -> tuple[Network, modelfile.Model]:
+def exported(photos: list[torch.Tensor], trunk: int = 0) -> tuple[Network, modelfile.Model]:
     """A random network with norms that matter, and its file's contents after a trip through bytes."""
     torch.manual_seed(8)
-    network = Network(PRESETS["tiny"]).eval()
+    network = Network(replace(PRESETS["tiny"], trunk=trunk)).eval()
     with torch.no_grad():
         for block in blocks(network).values():
             block.norm.weight.copy_(torch.rand_like(block.norm.weight) + 0.5)
             block.norm.bias.uniform_(-0.1, 0.5)
             block.norm.running_mean.uniform_(-0.1, 0.1)
             block.norm.running_var.uniform_(0.5, 2)
-    model = build(network, calibrate(network, photos), {"preset": "tiny"}, "", np.ones((8, 12), np.float32))
+    ranges = calibrate(network, photos) | (trunk_ranges(network, photos) if trunk else {})
+    model = build(network, ranges, {"preset": "tiny"}, "", np.ones((8, 12), np.float32))
     return network, modelfile.parse_model(modelfile.model_bytes(model))
 
 
-def test_the_network_comes_back_but_for_the_weights_rounding() -> None:
+@pytest.mark.parametrize("trunk", [0, 3])
+def test_the_network_comes_back_but_for_the_weights_rounding(trunk: int) -> None:
     photos = [torch.rand(1, 6, 128, 128) for _ in range(3)]
-    network, model = exported(photos)
+    network, model = exported(photos, trunk)
     back = network_of(model)
     assert back.config == type(back.config)(**{**network.config.asdict(), "room": 0})
     with torch.no_grad():
         want, got = network(photos[0]), back(photos[0])
-    for name in ("albedo", "normal", "roughness"):
+    for name in ("albedo", "normal", "roughness", "class_logits"):
         signal = (want[name] - want[name].mean()).square().mean().sqrt()
         error = (want[name] - got[name]).square().mean().sqrt()
         assert error < 0.1 * signal, (name, float(error), float(signal))

@@ -132,7 +132,8 @@ def smooth_photo(size: int = 128, seed: int = 5) -> np.ndarray:
 
 
 def toy_model(seed: int = 7) -> Model:
-    """Three levels deep; concatenation, also in two heads, up-sampling, asymmetric padding, 1x1, depthwise, without ReLU.
+    """Three levels deep; concatenation, also in two heads, up-sampling, asymmetric padding, 1x1, depthwise, and not
+    every layer with ReLU.
 
     The activations' scales are measured on `smooth_photo` with the float weights, as the exporter does it.
     """

@@ -21,6 +21,7 @@ from .. import checkpoint, curves
 from ..data.batches import Batch
 from ..losses import LossWeights
 from ..model import Network, NetworkConfig
+from ..trunk import load_pretrained, pretrained_file
 from .setup import AnyPool, Place, class_weights
 from .step import Learner, Step, learning_rate
 from .validate import evaluate
@@ -73,6 +74,9 @@ class Trainer:
         """Makes the network, or takes it up where a checkpoint left it."""
         args, place = self.args, self.place
         self.network = Network(config).to(place.device, memory_format=torch.channels_last)
+        self.network.classifier.requires_grad_(not args.freeze_classifier)
+        if self.network.trunk is not None and not (args.init or checkpoint.exists(self.path)):
+            load_pretrained(self.network.trunk, args.trunk or pretrained_file())
         self.learner = Learner(self.network, args.ema, args.lr)
         if checkpoint.exists(self.path):
             state = checkpoint.load(self.path)

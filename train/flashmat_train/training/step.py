@@ -79,7 +79,7 @@ class Learner:
 
     def __init__(self, network: Network, ema_decay: float, lr: float):
         self.network, self.ema = network, Ema(network, ema_decay)
-        self.parameters = list(network.parameters())
+        self.parameters = [p for p in network.parameters() if p.requires_grad]
         self.optimizer = torch.optim.AdamW(self.parameters, lr=lr, betas=(0.9, 0.99), weight_decay=1e-4, fused=True)
         self.device = self.parameters[0].device
         self.bad = torch.zeros((), device=self.device)
