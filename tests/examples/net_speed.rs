@@ -43,11 +43,11 @@ impl Clock {
 }
 
 impl Tap for Clock {
-    fn image(&mut self, _: usize, tensor: &Tensor, _: &[i8]) {
+    fn image(&mut self, _: usize, tensor: &Tensor<'_>, _: &[i8]) {
         self.tick(tensor.name.as_str());
     }
 
-    fn vector(&mut self, _: usize, tensor: &Tensor, _: &[f32]) {
+    fn vector(&mut self, _: usize, tensor: &Tensor<'_>, _: &[f32]) {
         self.tick(tensor.name.as_str());
     }
 }

@@ -24,12 +24,12 @@ pub struct LayerSnr {
 struct Record(Vec<(usize, Vec<f32>)>);
 
 impl Tap for Record {
-    fn image(&mut self, number: usize, tensor: &Tensor, codes: &[i8]) {
+    fn image(&mut self, number: usize, tensor: &Tensor<'_>, codes: &[i8]) {
         let real = codes.iter().map(|&q| dequantise(q, tensor.scale, tensor.zero_point));
         self.0.push((number, real.collect()));
     }
 
-    fn vector(&mut self, number: usize, _: &Tensor, values: &[f32]) {
+    fn vector(&mut self, number: usize, _: &Tensor<'_>, values: &[f32]) {
         self.0.push((number, values.to_vec()));
     }
 }

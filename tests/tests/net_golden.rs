@@ -13,13 +13,13 @@ struct Check<'a> {
 }
 
 impl Tap for Check<'_> {
-    fn image(&mut self, _: usize, tensor: &Tensor, codes: &[i8]) {
+    fn image(&mut self, _: usize, tensor: &Tensor<'_>, codes: &[i8]) {
         let name = tensor.name.as_str();
         self.expected[name].assert_codes(name, codes);
         self.seen += 1;
     }
 
-    fn vector(&mut self, _: usize, tensor: &Tensor, values: &[f32]) {
+    fn vector(&mut self, _: usize, tensor: &Tensor<'_>, values: &[f32]) {
         let name = tensor.name.as_str();
         assert_eq!(self.expected[name].distance(name, values), 0.0, "{name}");
         self.seen += 1;

@@ -42,6 +42,12 @@ fn field(layer: usize, field: usize) -> usize {
     graph + 16 + 64 * tensors + 160 * layer + 4 * field
 }
 
+/// A layer's field.
+fn value(layer: usize, number: usize) -> usize {
+    let at = field(layer, number);
+    u32::from_le_bytes(TOY_MODEL[at..at + 4].try_into().expect("4 bytes")) as usize
+}
+
 fn tensor(index: usize, offset: usize) -> usize {
     section(b"GRPH").0 + 16 + 64 * index + offset
 }
@@ -53,8 +59,8 @@ fn each_broken_rule_has_its_error() {
     let (graph, _) = section(b"GRPH");
     let (params, _) = section(b"PARM");
     let (weights, _) = section(b"WGT8");
-    let bias = u32::from_le_bytes(TOY_MODEL[field(0, 19)..][..4].try_into().expect("4 bytes")) as usize;
-    let scale = u32::from_le_bytes(TOY_MODEL[field(0, 20)..][..4].try_into().expect("4 bytes")) as usize;
+    let (floats, _) = section(b"WGTF");
+    let (bias, scale) = (value(0, 19), value(0, 20));
     let cases: Vec<(Vec<u8>, ModelError)> = vec![
         (with(0, b"f"), E::NotAModel),
         (with(8, &1_u32.to_le_bytes()), E::Version { found: 1 }),
@@ -70,8 +76,8 @@ fn each_broken_rule_has_its_error() {
         (with(entry(b"GRPH") + 16, &100_u64.to_le_bytes()), E::SectionLength { kind: *b"GRPH" }),
         (with(entry(b"CRFC") + 16, &8_u64.to_le_bytes()), E::SectionLength { kind: *b"CRFC" }),
         (with(section(b"META").0, &[0xFF]), E::Text),
-        (with(graph, &huge), E::Count { found: u32::MAX, limit: 48 }),
-        (with(graph + 4, &0_u32.to_le_bytes()), E::Count { found: 0, limit: 48 }),
+        (with(graph, &huge), E::Count { found: u32::MAX, limit: 80 }),
+        (with(graph + 4, &0_u32.to_le_bytes()), E::Count { found: 0, limit: 80 }),
         (with(graph + 8, &1_u32.to_le_bytes()), E::Input),
         (with(graph + 12, &huge), E::Logits),
         (with(tensor(1, 0), &huge), E::Tensor { tensor: 1 }),
@@ -100,6 +106,26 @@ fn each_broken_rule_has_its_error() {
         (with(params + scale, &(-1.0_f32).to_le_bytes()), E::LayerValue { layer: 0 }),
         (with(weights, &[0x80]), E::LayerValue { layer: 0 }),
         (with(weights, &[TOY_MODEL[weights] ^ 1]), E::LayerSums { layer: 0 }),
+        // Layer 3: depthwise, between tensors 2 and 4.
+        (with(field(3, 1), &5_u32.to_le_bytes()), E::LayerSource { layer: 3 }),
+        (with(field(3, 1), &3_u32.to_le_bytes()), E::LayerShape { layer: 3 }),
+        (with(field(3, 5), &3_u32.to_le_bytes()), E::LayerOutput { layer: 3 }),
+        (with(field(3, 2), &1_u32.to_le_bytes()), E::LayerShape { layer: 3 }),
+        (with(field(3, 3), &2_u32.to_le_bytes()), E::LayerShape { layer: 3 }),
+        (with(field(3, 6), &9_u32.to_le_bytes()), E::LayerShape { layer: 3 }),
+        (with(field(3, 8), &3_u32.to_le_bytes()), E::LayerShape { layer: 3 }),
+        (with(field(3, 10), &5_u32.to_le_bytes()), E::LayerShape { layer: 3 }),
+        (with(field(3, 13), &7_u32.to_le_bytes()), E::LayerShape { layer: 3 }),
+        (with(field(3, 17), &12_u32.to_le_bytes()), E::LayerShape { layer: 3 }),
+        (with(field(3, 18), &huge), E::LayerBounds { layer: 3 }),
+        (with(field(3, 19), &huge), E::LayerBounds { layer: 3 }),
+        (with(field(3, 20), &huge), E::LayerBounds { layer: 3 }),
+        (with(field(3, 21), &64_u32.to_le_bytes()), E::Reserved),
+        (with(field(3, 23), &huge), E::LayerBounds { layer: 3 }),
+        (with(weights + value(3, 18), &[0x80]), E::LayerValue { layer: 3 }),
+        (with(params + value(3, 19), &i32::MAX.to_le_bytes()), E::LayerValue { layer: 3 }),
+        (with(params + value(3, 20), &0_u32.to_le_bytes()), E::LayerValue { layer: 3 }),
+        (with(floats + value(3, 22), &f32::NAN.to_le_bytes()), E::LayerValue { layer: 3 }),
         (with(section(b"CRFC").0, &(-1.0_f32).to_le_bytes()), E::Crf),
         (with(section(b"DFLT").0, &f32::NAN.to_le_bytes()), E::Defaults),
     ];

@@ -51,7 +51,11 @@ fn show(args: &ModelArgs) -> Result<String, Failure> {
 fn facts(loaded: &Loaded<'_>, size: usize) -> String {
     let model = &loaded.model;
     let sum = |part: fn(&Op<'_>) -> usize| model.graph().layers().iter().map(|l| part(&l.op)).sum::<usize>();
-    let int8 = sum(|op| if let Op::Conv(conv) = op { conv.weights.len() } else { 0 });
+    let int8 = sum(|op| match op {
+        Op::Conv(conv) => conv.weights.len(),
+        Op::Depthwise(depthwise) => depthwise.weights.len(),
+        _ => 0,
+    });
     let float = sum(|op| match op {
         Op::MixHead(head) => head.weights.len() + head.bias.len(),
         Op::Dense(dense) => dense.weights.len() + dense.bias.len(),
@@ -137,8 +141,11 @@ fn what(op: &Op<'_>) -> (String, usize) {
     let relu = |on: bool| if on { ", relu" } else { "" };
     match op {
         Op::Conv(conv) => {
-            let weights = conv.cout * conv.cin * conv.window.height * conv.window.width;
-            (format!("conv {}{}", kernel(&conv.window), relu(conv.relu)), weights)
+            let weights = conv.cout * conv.cin * conv.window.get().height * conv.window.get().width;
+            (format!("conv {}{}", kernel(&conv.window.get()), relu(conv.relu)), weights)
+        }
+        Op::Depthwise(layer) => {
+            (format!("depthwise {}{}", kernel(&layer.window.get()), relu(layer.relu)), layer.weights.len())
         }
         Op::MeanPool(_) => ("mean over space".to_owned(), 0),
         Op::Dense(dense) => (format!("dense{}", relu(dense.relu)), dense.weights.len()),
@@ -146,7 +153,7 @@ fn what(op: &Op<'_>) -> (String, usize) {
             let text = format!(
                 "{} {}, {} sets, shuffle {}",
                 head.map.name(),
-                kernel(&head.window),
+                kernel(&head.window.get()),
                 head.classes,
                 head.shuffle
             );

@@ -41,9 +41,9 @@ pub(crate) struct Bands {
     /// Output rows in a part (the last may have fewer).
     pub(crate) slot_rows: usize,
     /// Codes between input rows of a band.
-    pitch: usize,
+    pub(crate) pitch: usize,
     /// Codes of a whole band.
-    len: usize,
+    pub(crate) len: usize,
     window: Window,
     cin: usize,
 }

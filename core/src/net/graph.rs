@@ -6,9 +6,9 @@ use super::Map;
 use super::format::{F32s, I32s};
 
 /// Most tensors in a graph. A planned graph lies on the stack while it is made: this and [`MAX_LAYERS`] are most of it.
-pub const MAX_TENSORS: usize = 48;
+pub const MAX_TENSORS: usize = 80;
 /// Most layers in a graph.
-pub const MAX_LAYERS: usize = 48;
+pub const MAX_LAYERS: usize = 80;
 /// Most channels of a tensor.
 pub const MAX_CHANNELS: usize = 2048;
 /// Largest kernel side.
@@ -20,11 +20,11 @@ pub const MAX_BIAS: i32 = 1 << 30;
 /// Largest ratio of the input's side to a tensor's.
 pub const MAX_DIVISOR: usize = 128;
 
-/// A name of up to 32 printable ASCII characters.
+/// A name of up to 32 printable ASCII characters, where it lies in the file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Name(pub(super) [u8; 32]);
+pub struct Name<'m>(pub(super) &'m [u8; 32]);
 
-impl Name {
+impl Name<'_> {
     /// The name as text.
     #[must_use]
     pub fn as_str(&self) -> &str {
@@ -35,9 +35,9 @@ impl Name {
 
 /// What a tensor holds: int8 pixels, interleaved channels (NHWC), or a float vector.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Tensor {
+pub struct Tensor<'m> {
     /// Its name.
-    pub name: Name,
+    pub name: Name<'m>,
     /// Channels, or values of the vector.
     pub channels: usize,
     /// The input's side over this tensor's; 0 for a vector.
@@ -48,7 +48,7 @@ pub struct Tensor {
     pub zero_point: i8,
 }
 
-impl Tensor {
+impl Tensor<'_> {
     /// Whether it is an image (else a float vector).
     #[must_use]
     pub fn is_image(&self) -> bool {
@@ -100,6 +100,31 @@ pub struct Window {
     pub pad: [usize; 4],
 }
 
+/// A [`Window`] in seven bytes: a graph's layers lie on the stack, many times while they are moved.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PackedWindow {
+    height: u8,
+    width: u8,
+    stride: u8,
+    pad: [u8; 4],
+}
+
+impl PackedWindow {
+    /// No side of `window` is above [`MAX_KERNEL`].
+    pub(super) fn new(window: Window) -> Self {
+        let Window { height, width, stride, pad } = window;
+        Self { height: height as u8, width: width as u8, stride: stride as u8, pad: pad.map(|pad| pad as u8) }
+    }
+
+    /// The window.
+    #[must_use]
+    pub fn get(self) -> Window {
+        let Self { height, width, stride, pad } = self;
+        let [height, width, stride] = [height, width, stride].map(usize::from);
+        Window { height, width, stride, pad: pad.map(usize::from) }
+    }
+}
+
 /// Convolution with int8 weights and int8 output.
 #[derive(Clone, Copy, Debug)]
 pub struct Conv<'m> {
@@ -108,13 +133,15 @@ pub struct Conv<'m> {
     /// The tensor that it writes.
     pub output: usize,
     /// Kernel, stride, padding.
-    pub window: Window,
+    pub window: PackedWindow,
     /// Channels read, all sources together.
     pub cin: usize,
     /// Channels written.
     pub cout: usize,
     /// Negative results become real zero.
     pub relu: bool,
+    /// With `relu`: nothing is above 6. The output's codes end there or below, so only the float engine does anything.
+    pub relu6: bool,
     /// Packed weights (`kernels::pack`).
     pub weights: &'m [i8],
     /// Per output channel, in units of the accumulator.
@@ -124,6 +151,31 @@ pub struct Conv<'m> {
     /// [source][cout]: sums of the weights that read each source.
     pub sums: I32s<'m>,
     /// Weights [cout][height][width][cin] and bias [cout] in real units, if the file has them.
+    pub float: Option<(F32s<'m>, F32s<'m>)>,
+}
+
+/// Convolution of every channel with a kernel of its own; int8 weights and output.
+#[derive(Clone, Copy, Debug)]
+pub struct Depthwise<'m> {
+    /// Image tensor read.
+    pub source: usize,
+    /// The tensor that it writes.
+    pub output: usize,
+    /// Kernel, stride, padding.
+    pub window: PackedWindow,
+    /// Channels read and written.
+    pub channels: usize,
+    /// Negative results become real zero.
+    pub relu: bool,
+    /// With `relu`: nothing is above 6. The output's codes end there or below, so only the float engine does anything.
+    pub relu6: bool,
+    /// [height][width][channels], as they are.
+    pub weights: &'m [i8],
+    /// Per channel, in units of the accumulator.
+    pub bias: I32s<'m>,
+    /// Per channel: real value of one accumulator unit.
+    pub weight_scale: F32s<'m>,
+    /// Weights [height][width][channels] and bias [channels] in real units, if the file has them.
     pub float: Option<(F32s<'m>, F32s<'m>)>,
 }
 
@@ -163,7 +215,7 @@ pub struct MixHead<'m> {
     /// The map that it makes.
     pub map: Map,
     /// Kernel and padding; stride 1.
-    pub window: Window,
+    pub window: PackedWindow,
     /// Channels read, all sources together.
     pub cin: usize,
     /// Channels before the shuffle: the map's channels times shuffle squared.
@@ -183,6 +235,8 @@ pub struct MixHead<'m> {
 pub enum Op<'m> {
     /// See [`Conv`].
     Conv(Conv<'m>),
+    /// See [`Depthwise`].
+    Depthwise(Depthwise<'m>),
     /// See [`MeanPool`].
     MeanPool(MeanPool),
     /// See [`Dense`].
@@ -195,7 +249,7 @@ pub enum Op<'m> {
 #[derive(Clone, Copy, Debug)]
 pub struct Layer<'m> {
     /// Its name.
-    pub name: Name,
+    pub name: Name<'m>,
     /// What it does.
     pub op: Op<'m>,
 }
@@ -206,6 +260,7 @@ impl Op<'_> {
     pub fn output(&self) -> Option<usize> {
         match self {
             Self::Conv(conv) => Some(conv.output),
+            Self::Depthwise(depthwise) => Some(depthwise.output),
             Self::MeanPool(pool) => Some(pool.output),
             Self::Dense(dense) => Some(dense.output),
             Self::MixHead(_) => None,
@@ -218,6 +273,7 @@ impl Op<'_> {
             Self::Conv(Conv { sources, .. }) | Self::MixHead(MixHead { sources, .. }) => {
                 (sources.first.tensor, sources.second.map(|s| s.tensor))
             }
+            Self::Depthwise(depthwise) => (depthwise.source, None),
             Self::MeanPool(pool) => (pool.source, pool.second),
             Self::Dense(dense) => (dense.source, dense.second),
         };
@@ -228,7 +284,7 @@ impl Op<'_> {
 /// A network whose rules have been checked.
 #[derive(Clone, Debug)]
 pub struct Graph<'m> {
-    pub(super) tensors: heapless::Vec<Tensor, MAX_TENSORS>,
+    pub(super) tensors: heapless::Vec<Tensor<'m>, MAX_TENSORS>,
     pub(super) layers: heapless::Vec<Layer<'m>, MAX_LAYERS>,
     pub(super) logits: usize,
 }
@@ -250,7 +306,7 @@ pub const INPUT_ZERO_POINT: i8 = -128;
 impl<'m> Graph<'m> {
     /// The tensors by number.
     #[must_use]
-    pub fn tensors(&self) -> &[Tensor] {
+    pub fn tensors(&self) -> &[Tensor<'m>] {
         &self.tensors
     }
 
@@ -291,6 +347,7 @@ impl<'m> Graph<'m> {
             let read: usize = layer.op.inputs().map(image).sum();
             let (weights, map) = match &layer.op {
                 Op::Conv(c) => (c.weights.len(), 0),
+                Op::Depthwise(d) => (d.weights.len(), 0),
                 Op::Dense(d) => (4 * d.weights.len(), 0),
                 Op::MeanPool(_) => (0, 0),
                 Op::MixHead(h) => (4 * h.weights.len(), 4 * size * size * h.map.channels()),
@@ -309,11 +366,15 @@ impl<'m> Graph<'m> {
         match &layer.op {
             Op::Conv(c) => {
                 let side = self.tensors.get(c.output).map_or(0, |t| t.side(size));
-                spatial(side * side, &c.window, c.cin, c.cout)
+                spatial(side * side, &c.window.get(), c.cin, c.cout)
+            }
+            Op::Depthwise(d) => {
+                let side = self.tensors.get(d.output).map_or(0, |t| t.side(size));
+                spatial(side * side, &d.window.get(), 1, d.channels)
             }
             Op::MixHead(h) => {
                 let side = size / h.shuffle.max(1);
-                spatial(side * side, &h.window, h.cin, h.cout)
+                spatial(side * side, &h.window.get(), h.cin, h.cout)
             }
             Op::Dense(d) => d.weights.len() as u64,
             Op::MeanPool(_) => 0,

@@ -1,43 +1,38 @@
 //! Records of the file to a [`Graph`]: every count, offset, shape and value is checked here, once.
-use super::ModelError;
-use super::format::{F32s, I32s, Sections};
+use super::format::{F32s, Sections};
 use super::graph::{
-    Conv, Dense, Graph, INPUT, INPUT_CHANNELS, INPUT_SCALE, INPUT_ZERO_POINT, Layer, MAX_BIAS, MAX_CHANNELS,
-    MAX_DIVISOR, MAX_KERNEL, MAX_LAYERS, MAX_PRODUCTS, MAX_TENSORS, MeanPool, MixHead, Name, Op, Source,
-    Sources, Tensor, Window,
+    Graph, INPUT, INPUT_CHANNELS, INPUT_SCALE, INPUT_ZERO_POINT, Layer, MAX_CHANNELS, MAX_DIVISOR,
+    MAX_KERNEL, MAX_LAYERS, MAX_PRODUCTS, MAX_TENSORS, Name, Op, Source, Sources, Tensor, Window,
 };
-use super::{CLASSES, Map};
-use crate::kernels::pack;
+use super::{CLASSES, ModelError};
 
 const HEADER: usize = 16;
 const TENSOR_RECORD: usize = 64;
 const LAYER_RECORD: usize = 160;
 const FIELDS: usize = 32;
-const NONE: u32 = u32::MAX;
-/// Most pixels of a map per pixel of a head, in each direction.
-const MAX_SHUFFLE: u32 = 4;
+pub(super) const NONE: u32 = u32::MAX;
 
 /// Numbers of a layer record's fields.
-mod field {
-    pub(super) const OP: usize = 0;
-    pub(super) const SOURCE0: usize = 1;
-    pub(super) const SOURCE1: usize = 3;
-    pub(super) const OUTPUT: usize = 5;
-    pub(super) const KERNEL_HEIGHT: usize = 6;
-    pub(super) const KERNEL_WIDTH: usize = 7;
-    pub(super) const STRIDE: usize = 8;
-    pub(super) const PAD: usize = 9;
-    pub(super) const RELU: usize = 13;
-    pub(super) const SHUFFLE: usize = 14;
-    pub(super) const MAP: usize = 15;
-    pub(super) const CLASSES: usize = 16;
-    pub(super) const COUT: usize = 17;
-    pub(super) const WEIGHTS: usize = 18;
-    pub(super) const BIAS: usize = 19;
-    pub(super) const WEIGHT_SCALE: usize = 20;
-    pub(super) const SUMS: usize = 21;
-    pub(super) const FLOAT_WEIGHTS: usize = 22;
-    pub(super) const FLOAT_BIAS: usize = 23;
+pub(super) mod field {
+    pub(in crate::net) const OP: usize = 0;
+    pub(in crate::net) const SOURCE0: usize = 1;
+    pub(in crate::net) const SOURCE1: usize = 3;
+    pub(in crate::net) const OUTPUT: usize = 5;
+    pub(in crate::net) const KERNEL_HEIGHT: usize = 6;
+    pub(in crate::net) const KERNEL_WIDTH: usize = 7;
+    pub(in crate::net) const STRIDE: usize = 8;
+    pub(in crate::net) const PAD: usize = 9;
+    pub(in crate::net) const RELU: usize = 13;
+    pub(in crate::net) const SHUFFLE: usize = 14;
+    pub(in crate::net) const MAP: usize = 15;
+    pub(in crate::net) const CLASSES: usize = 16;
+    pub(in crate::net) const COUT: usize = 17;
+    pub(in crate::net) const WEIGHTS: usize = 18;
+    pub(in crate::net) const BIAS: usize = 19;
+    pub(in crate::net) const WEIGHT_SCALE: usize = 20;
+    pub(in crate::net) const SUMS: usize = 21;
+    pub(in crate::net) const FLOAT_WEIGHTS: usize = 22;
+    pub(in crate::net) const FLOAT_BIAS: usize = 23;
 }
 
 /// The graph of a file's sections.
@@ -88,8 +83,8 @@ pub(super) fn graph<'m>(sections: &Sections<'m>) -> Result<Graph<'m>, ModelError
     Ok(Graph { tensors: loader.tensors, layers: graph_layers, logits })
 }
 
-fn read_name(bytes: &[u8]) -> Result<Name, ModelError> {
-    let name = Name(*bytes.first_chunk().ok_or(ModelError::Text)?);
+fn read_name(bytes: &[u8]) -> Result<Name<'_>, ModelError> {
+    let name = Name(bytes.first_chunk().ok_or(ModelError::Text)?);
     let used = name.as_str().len();
     let (text, rest) = name.0.split_at(used);
     if used > 0 && text.iter().all(u8::is_ascii_graphic) && rest.iter().all(|&b| b == 0) {
@@ -99,7 +94,7 @@ fn read_name(bytes: &[u8]) -> Result<Name, ModelError> {
     }
 }
 
-fn read_tensor(record: &[u8], tensor: u32) -> Result<Tensor, ModelError> {
+fn read_tensor(record: &[u8], tensor: u32) -> Result<Tensor<'_>, ModelError> {
     let wrong = ModelError::Tensor { tensor };
     let (numbers, name) = record.split_at_checked(32).ok_or(wrong)?;
     let (numbers, _) = numbers.as_chunks::<4>();
@@ -119,21 +114,22 @@ fn read_tensor(record: &[u8], tensor: u32) -> Result<Tensor, ModelError> {
     }
 }
 
-struct Loader<'s, 'm> {
-    sections: &'s Sections<'m>,
-    tensors: heapless::Vec<Tensor, MAX_TENSORS>,
-    written: [bool; MAX_TENSORS],
-    layer: u32,
+/// A graph as far as it has been read.
+pub(super) struct Loader<'s, 'm> {
+    pub(super) sections: &'s Sections<'m>,
+    pub(super) tensors: heapless::Vec<Tensor<'m>, MAX_TENSORS>,
+    pub(super) written: [bool; MAX_TENSORS],
+    pub(super) layer: u32,
 }
 
 /// A layer's fields, all of them checked to be zero unless a reader took them.
-struct Fields {
+pub(super) struct Fields {
     values: [u32; FIELDS],
     taken: u32,
 }
 
 impl Fields {
-    fn take(&mut self, at: usize) -> u32 {
+    pub(super) fn take(&mut self, at: usize) -> u32 {
         self.taken |= 1 << at;
         self.values.get(at).copied().unwrap_or(0)
     }
@@ -167,20 +163,24 @@ impl<'m> Loader<'_, 'm> {
         }
     }
 
-    fn source_error(&self) -> ModelError {
+    pub(super) fn source_error(&self) -> ModelError {
         ModelError::LayerSource { layer: self.layer }
     }
 
-    fn shape_error(&self) -> ModelError {
+    pub(super) fn shape_error(&self) -> ModelError {
         ModelError::LayerShape { layer: self.layer }
     }
 
-    fn bounds_error(&self) -> ModelError {
+    pub(super) fn bounds_error(&self) -> ModelError {
         ModelError::LayerBounds { layer: self.layer }
     }
 
+    pub(super) fn value_error(&self) -> ModelError {
+        ModelError::LayerValue { layer: self.layer }
+    }
+
     /// A tensor that has been written, image or vector.
-    fn read(&self, id: u32, image: bool) -> Result<(usize, Tensor), ModelError> {
+    pub(super) fn read(&self, id: u32, image: bool) -> Result<(usize, Tensor<'m>), ModelError> {
         let at = id as usize;
         match (self.tensors.get(at), self.written.get(at)) {
             (Some(tensor), Some(true)) if tensor.is_image() == image => Ok((at, *tensor)),
@@ -189,7 +189,7 @@ impl<'m> Loader<'_, 'm> {
     }
 
     /// Marks the tensor as written; it must be new and of this shape.
-    fn write(&mut self, id: u32, channels: usize, divisor: usize) -> Result<usize, ModelError> {
+    pub(super) fn write(&mut self, id: u32, channels: usize, divisor: usize) -> Result<usize, ModelError> {
         let at = id as usize;
         match (self.tensors.get(at), self.written.get_mut(at)) {
             (Some(tensor), Some(written))
@@ -202,7 +202,7 @@ impl<'m> Loader<'_, 'm> {
         }
     }
 
-    fn flag(&self, value: u32) -> Result<bool, ModelError> {
+    pub(super) fn flag(&self, value: u32) -> Result<bool, ModelError> {
         match value {
             0 => Ok(false),
             1 => Ok(true),
@@ -211,7 +211,7 @@ impl<'m> Loader<'_, 'm> {
     }
 
     /// The sources, their channels in all, and the divisor at which they are read.
-    fn sources(&self, fields: &mut Fields) -> Result<(Sources, usize, usize), ModelError> {
+    pub(super) fn sources(&self, fields: &mut Fields) -> Result<(Sources, usize, usize), ModelError> {
         let one = |fields: &mut Fields, at: usize| {
             let (id, upsample) = (fields.take(at), fields.take(at + 1));
             let (tensor, shape) = self.read(id, true)?;
@@ -235,7 +235,7 @@ impl<'m> Loader<'_, 'm> {
     }
 
     /// Kernel, stride and padding such that output side = input side / stride for every input.
-    fn window(&self, fields: &mut Fields, cin: usize) -> Result<Window, ModelError> {
+    pub(super) fn window(&self, fields: &mut Fields, cin: usize) -> Result<Window, ModelError> {
         let height = fields.take(field::KERNEL_HEIGHT) as usize;
         let width = fields.take(field::KERNEL_WIDTH) as usize;
         let stride = fields.take(field::STRIDE) as usize;
@@ -254,20 +254,16 @@ impl<'m> Loader<'_, 'm> {
         Ok(Window { height, width, stride, pad })
     }
 
-    fn floats(&self, offset: u32, count: usize) -> Result<F32s<'m>, ModelError> {
+    pub(super) fn floats(&self, offset: u32, count: usize) -> Result<F32s<'m>, ModelError> {
         let values = F32s::new(self.sections.params, offset, count).ok_or(self.bounds_error())?;
         self.finite(values)
     }
 
-    fn finite(&self, values: F32s<'m>) -> Result<F32s<'m>, ModelError> {
-        if values.iter().all(f32::is_finite) {
-            Ok(values)
-        } else {
-            Err(ModelError::LayerValue { layer: self.layer })
-        }
+    pub(super) fn finite(&self, values: F32s<'m>) -> Result<F32s<'m>, ModelError> {
+        if values.iter().all(f32::is_finite) { Ok(values) } else { Err(self.value_error()) }
     }
 
-    fn read_layer(&mut self, record: &[u8], logits: usize) -> Result<Layer<'m>, ModelError> {
+    fn read_layer(&mut self, record: &'m [u8], logits: usize) -> Result<Layer<'m>, ModelError> {
         let (numbers, name) = record.split_at_checked(FIELDS * 4).ok_or(self.shape_error())?;
         let mut fields = Fields { values: [0; FIELDS], taken: 0 };
         for (value, &bytes) in fields.values.iter_mut().zip(numbers.as_chunks::<4>().0) {
@@ -279,120 +275,12 @@ impl<'m> Loader<'_, 'm> {
             2 => Op::MeanPool(self.read_pool(&mut fields)?),
             3 => Op::Dense(self.read_dense(&mut fields)?),
             4 => Op::MixHead(self.read_head(&mut fields, logits)?),
+            5 => Op::Depthwise(self.read_depthwise(&mut fields)?),
             _ => return Err(ModelError::LayerKind { layer: self.layer }),
         };
         if op.output() == Some(logits) && !matches!(op, Op::Dense(_)) {
             return Err(ModelError::Logits);
         }
         if fields.rest_is_zero() { Ok(Layer { name, op }) } else { Err(ModelError::Reserved) }
-    }
-
-    fn read_conv(&mut self, fields: &mut Fields) -> Result<Conv<'m>, ModelError> {
-        let (sources, cin, divisor) = self.sources(fields)?;
-        let window = self.window(fields, cin)?;
-        let relu = self.flag(fields.take(field::RELU))?;
-        let cout = fields.take(field::COUT) as usize;
-        let output = self.write(fields.take(field::OUTPUT), cout, divisor * window.stride)?;
-        let wrong = ModelError::LayerValue { layer: self.layer };
-
-        let shape = pack::Shape::new(cout, window.height, window.width, cin);
-        let start = fields.take(field::WEIGHTS) as usize;
-        let weights = start
-            .checked_add(shape.packed_len())
-            .and_then(|end| self.sections.weights.get(start..end))
-            .ok_or(self.bounds_error())?;
-        let weights: &[i8] = bytemuck::cast_slice(weights);
-        // Symmetric: kernels may add two products in 16 bits.
-        if weights.contains(&i8::MIN) {
-            return Err(wrong);
-        }
-        let params = self.sections.params;
-        let bias = I32s::new(params, fields.take(field::BIAS), cout).ok_or(self.bounds_error())?;
-        if bias.iter().any(|b| b.unsigned_abs() > MAX_BIAS.unsigned_abs()) {
-            return Err(wrong);
-        }
-        let weight_scale = self.floats(fields.take(field::WEIGHT_SCALE), cout)?;
-        if weight_scale.iter().any(|s| s <= 0.0) {
-            return Err(wrong);
-        }
-        let second = sources.second.and_then(|s| self.tensors.get(s.tensor)).map_or(0, |t| t.channels);
-        let count = if second > 0 { 2 * cout } else { cout };
-        let sums = I32s::new(params, fields.take(field::SUMS), count).ok_or(self.bounds_error())?;
-        if !pack::sums_match(weights, &shape, cin - second, sums) {
-            return Err(ModelError::LayerSums { layer: self.layer });
-        }
-        let (at, bias_at) = (fields.take(field::FLOAT_WEIGHTS), fields.take(field::FLOAT_BIAS));
-        let float = match (at, bias_at, self.sections.floats) {
-            (NONE, NONE, _) => None,
-            (_, _, Some(section)) => {
-                let count = cout * window.height * window.width * cin;
-                let weights = F32s::new(section, at, count).ok_or(self.bounds_error())?;
-                let bias = F32s::new(section, bias_at, cout).ok_or(self.bounds_error())?;
-                Some((self.finite(weights)?, self.finite(bias)?))
-            }
-            _ => return Err(self.bounds_error()),
-        };
-        Ok(Conv { sources, output, window, cin, cout, relu, weights, bias, weight_scale, sums, float })
-    }
-
-    fn read_pool(&mut self, fields: &mut Fields) -> Result<MeanPool, ModelError> {
-        let (source, shape) = self.read(fields.take(field::SOURCE0), true)?;
-        let (second, more) = self.second(fields, true)?;
-        let channels = fields.take(field::COUT) as usize;
-        if channels != shape.channels + more {
-            return Err(self.shape_error());
-        }
-        let output = self.write(fields.take(field::OUTPUT), channels, 0)?;
-        Ok(MeanPool { source, second, output })
-    }
-
-    fn read_dense(&mut self, fields: &mut Fields) -> Result<Dense<'m>, ModelError> {
-        let (source, shape) = self.read(fields.take(field::SOURCE0), false)?;
-        let (second, more) = self.second(fields, false)?;
-        let relu = self.flag(fields.take(field::RELU))?;
-        let cout = fields.take(field::COUT) as usize;
-        let output = self.write(fields.take(field::OUTPUT), cout, 0)?;
-        let weights = self.floats(fields.take(field::WEIGHTS), cout * (shape.channels + more))?;
-        let bias = self.floats(fields.take(field::BIAS), cout)?;
-        Ok(Dense { source, second, output, relu, weights, bias })
-    }
-
-    fn read_head(&mut self, fields: &mut Fields, logits: usize) -> Result<MixHead<'m>, ModelError> {
-        let (sources, cin, divisor) = self.sources(fields)?;
-        let window = self.window(fields, cin)?;
-        let shuffle = fields.take(field::SHUFFLE);
-        let classes = fields.take(field::CLASSES) as usize;
-        let map = match fields.take(field::MAP) {
-            1 => Map::Albedo,
-            2 => Map::Normal,
-            3 => Map::Roughness,
-            _ => return Err(self.shape_error()),
-        };
-        let cout = fields.take(field::COUT) as usize;
-        let output = fields.take(field::OUTPUT);
-        let shape_holds = window.stride == 1
-            && (1..=MAX_SHUFFLE).contains(&shuffle)
-            && shuffle as usize == divisor
-            && (classes == 1 || classes == CLASSES)
-            && cout == map.channels() * divisor * divisor
-            && output == NONE;
-        if !shape_holds {
-            return Err(self.shape_error());
-        }
-        if self.written.get(logits) != Some(&true) {
-            return Err(self.source_error());
-        }
-        let each = cout * window.height * window.width * cin;
-        let weights = self.floats(fields.take(field::WEIGHTS), classes * each)?;
-        let bias = self.floats(fields.take(field::BIAS), classes * cout)?;
-        Ok(MixHead { sources, map, window, cin, cout, shuffle: divisor, classes, weights, bias })
-    }
-
-    /// The second source, if there is one, of a layer that reads images or vectors as they are, and its channels.
-    fn second(&self, fields: &mut Fields, image: bool) -> Result<(Option<usize>, usize), ModelError> {
-        match fields.take(field::SOURCE1) {
-            NONE => Ok((None, 0)),
-            id => self.read(id, image).map(|(tensor, shape)| (Some(tensor), shape.channels)),
-        }
     }
 }

@@ -10,8 +10,10 @@ mod error;
 pub mod format;
 pub mod graph;
 mod load;
+mod load_layers;
 mod op_conv;
 mod op_dense;
+mod op_depthwise;
 mod op_input;
 mod op_mix;
 mod op_pool;
@@ -91,7 +93,11 @@ impl<'m> Model<'m> {
     /// Whether every convolution has float weights, for the float engine.
     #[must_use]
     pub fn has_float(&self) -> bool {
-        self.graph.layers.iter().all(|layer| !matches!(&layer.op, Op::Conv(conv) if conv.float.is_none()))
+        self.graph.layers.iter().all(|layer| match &layer.op {
+            Op::Conv(conv) => conv.float.is_some(),
+            Op::Depthwise(depthwise) => depthwise.float.is_some(),
+            Op::MeanPool(_) | Op::Dense(_) | Op::MixHead(_) => true,
+        })
     }
 
     /// A class's CRF coefficients: albedo a0, a1, b1, b2, b3; normal a, b1, b2; roughness a0, a1, b1, b2.
@@ -107,17 +113,17 @@ impl<'m> Model<'m> {
 /// Sees every tensor as soon as it is written, on whichever thread: for tests and reports.
 pub trait Tap: Send {
     /// An int8 image, interleaved.
-    fn image(&mut self, number: usize, tensor: &Tensor, codes: &[i8]);
+    fn image(&mut self, number: usize, tensor: &Tensor<'_>, codes: &[i8]);
     /// A float vector.
-    fn vector(&mut self, number: usize, tensor: &Tensor, values: &[f32]);
+    fn vector(&mut self, number: usize, tensor: &Tensor<'_>, values: &[f32]);
 }
 
 /// A [`Tap`] that looks away.
 struct NoTap;
 
 impl Tap for NoTap {
-    fn image(&mut self, _: usize, _: &Tensor, _: &[i8]) {}
-    fn vector(&mut self, _: usize, _: &Tensor, _: &[f32]) {}
+    fn image(&mut self, _: usize, _: &Tensor<'_>, _: &[i8]) {}
+    fn vector(&mut self, _: usize, _: &Tensor<'_>, _: &[f32]) {}
 }
 
 /// A model planned for one size, on the kernels of one level.
@@ -316,6 +322,25 @@ impl<'m> State<'_, 'm> {
                 let inputs = inputs(network, &conv.sources, before, after, hole).map(|(input, _)| input);
                 let quant = (tensor.scale, quant::Range::new(tensor.zero_point, conv.relu));
                 op_conv::run(conv, inputs, quant, how, scratch, tensor.side(network.plan.size), codes)?;
+                self.tap.image(output, tensor, codes);
+            }
+            Op::Depthwise(layer) => {
+                let source = Source { tensor: layer.source, upsample: false };
+                let (before, codes, after) = carve(self.images, hole);
+                let input =
+                    inputs(network, &Sources { first: source, second: None }, before, after, hole).next();
+                let quant = (tensor.scale, quant::Range::new(tensor.zero_point, layer.relu));
+                if let Some((input, _)) = input {
+                    op_depthwise::run(
+                        layer,
+                        input,
+                        quant,
+                        how,
+                        scratch,
+                        tensor.side(network.plan.size),
+                        codes,
+                    )?;
+                }
                 self.tap.image(output, tensor, codes);
             }
             Op::MeanPool(pool) => {

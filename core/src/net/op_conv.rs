@@ -10,12 +10,12 @@ use crate::kernels::{Block, Kernels, Requant, pack};
 
 /// The shape of a convolution's packed weights.
 pub(super) fn shape(conv: &Conv<'_>) -> pack::Shape {
-    pack::Shape::new(conv.cout, conv.window.height, conv.window.width, conv.cin)
+    pack::Shape::new(conv.cout, conv.window.get().height, conv.window.get().width, conv.cin)
 }
 
 /// Scratch that [`run`] takes, for `side x side` output pixels.
 pub(super) fn scratch_bytes(conv: &Conv<'_>, side: usize, kernels: &Kernels) -> usize {
-    let bands = Bands::new(&conv.window, conv.cin, side);
+    let bands = Bands::new(&conv.window.get(), conv.cin, side);
     let channels = shape(conv).panels() * pack::PANEL;
     bytes_for::<u8>(bands.slots.saturating_mul(bands.bytes(kernels)))
         .saturating_add(bytes_for::<i32>(channels))
@@ -54,7 +54,7 @@ pub(super) fn run<'a>(
     output: &mut [i8],
 ) -> Result<(), Error> {
     let shape = shape(conv);
-    let bands = Bands::new(&conv.window, conv.cin, side);
+    let bands = Bands::new(&conv.window.get(), conv.cin, side);
     let channels = shape.panels() * pack::PANEL;
     let band_bytes = scratch.take::<u8>(bands.slots.saturating_mul(bands.bytes(kernels)))?;
     let offset = scratch.take::<i32>(channels)?;
@@ -87,7 +87,7 @@ fn nth(values: I32s<'_>, index: usize) -> i32 {
 }
 
 /// weight scale / output scale, one IEEE single division per channel.
-fn fill_multipliers(weight_scale: F32s<'_>, scale: f32, multiplier: &mut [f32]) {
+pub(super) fn fill_multipliers(weight_scale: F32s<'_>, scale: f32, multiplier: &mut [f32]) {
     for (slot, weight_scale) in multiplier.iter_mut().zip(weight_scale.iter()) {
         *slot = weight_scale / scale;
     }

@@ -16,12 +16,12 @@ use crate::exec::{Executor, Plane, for_each_row_block};
 use crate::kernels::{Block, Kernels, pack};
 
 fn shape(head: &MixHead<'_>) -> pack::Shape {
-    pack::Shape::new(head.cout, head.window.height, head.window.width, head.cin)
+    pack::Shape::new(head.cout, head.window.get().height, head.window.get().width, head.cin)
 }
 
 /// Scratch that [`run`] takes, for `side x side` pixels before the shuffle.
 pub(super) fn scratch_bytes(head: &MixHead<'_>, side: usize, kernels: &Kernels) -> usize {
-    let (shape, bands) = (shape(head), Bands::new(&head.window, head.cin, side));
+    let (shape, bands) = (shape(head), Bands::new(&head.window.get(), head.cin, side));
     let sums = bands.rows.saturating_mul(side).saturating_mul(head.cout);
     [
         bytes_for::<f32>(shape.plain_len()),
@@ -91,7 +91,7 @@ fn prepare<'s>(
             rest = others;
         }
     }
-    let per_channel = head.window.height * shape.run;
+    let per_channel = head.window.get().height * shape.run;
     let channels = weights.chunks_exact(per_channel).zip(codes.chunks_exact_mut(per_channel));
     for ((weights, codes), scale) in channels.zip(scale.iter_mut()) {
         let peak = weights.iter().fold(0.0_f32, |peak, w| peak.max(w.abs()));
@@ -121,7 +121,7 @@ pub(super) fn run<'a>(
     planes: [&mut [f32]; 3],
 ) -> Result<(), Error> {
     let mixed = prepare(head, probabilities, inputs.clone(), kernels, &mut scratch)?;
-    let (shape, bands) = (shape(head), Bands::new(&head.window, head.cin, side));
+    let (shape, bands) = (shape(head), Bands::new(&head.window.get(), head.cin, side));
     let sums_len = bands.rows * side * head.cout;
     let band_bytes = scratch.take::<u8>(bands.slots.saturating_mul(bands.bytes(kernels)))?;
     let sums = scratch.take::<i32>(bands.slots.saturating_mul(sums_len))?;

@@ -2,7 +2,7 @@
 use super::graph::Tensor;
 
 /// Means of each channel, in real units; `output` has one value per channel.
-pub(super) fn run(tensor: &Tensor, input: &[i8], output: &mut [f32]) {
+pub(super) fn run(tensor: &Tensor<'_>, input: &[i8], output: &mut [f32]) {
     let channels = tensor.channels.max(1);
     let pixels = input.len() / channels;
     for (channel, out) in output.iter_mut().enumerate() {

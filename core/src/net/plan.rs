@@ -1,6 +1,6 @@
 //! Where the tensors lie: image tensors share one block of bytes by their lifetimes, vectors get one of floats.
 use super::graph::{Graph, INPUT, MAX_TENSORS, Op};
-use super::{op_conv, op_mix};
+use super::{op_conv, op_depthwise, op_mix};
 use crate::Error;
 use crate::arena::{ALIGN, bytes_for};
 use crate::frame::MAX_SIZE;
@@ -58,6 +58,7 @@ impl Plan {
         for layer in graph.layers() {
             let scratch = match &layer.op {
                 Op::Conv(conv) => op_conv::scratch_bytes(conv, plan.side(graph, conv.output), kernels),
+                Op::Depthwise(layer) => op_depthwise::scratch_bytes(layer, plan.side(graph, layer.output)),
                 Op::MixHead(head) => op_mix::scratch_bytes(head, size / head.shuffle, kernels),
                 Op::MeanPool(_) | Op::Dense(_) => 0,
             };

@@ -44,6 +44,18 @@ impl Range {
         let product = (acc as f32 * multiplier).max(low).min(high);
         (round_half_even(product) + f32::from(self.zero_point)) as i8
     }
+
+    /// [`Range::requantise`], bit for bit, in operations that vectorise: minimum and maximum as x86-64 has them, and
+    /// the rounded product read out of the low bits of its sum with [`ROUND`] instead of converted.
+    #[inline(always)]
+    pub(crate) fn requantise_lane(self, acc: i32, multiplier: f32) -> i8 {
+        let (low, high) = self.product_bounds();
+        let product = acc as f32 * multiplier;
+        let product = if product > low { product } else { low };
+        let product = if product < high { product } else { high };
+        let rounded = (product + ROUND).to_bits().wrapping_sub(ROUND.to_bits()).cast_signed();
+        (rounded + i32::from(self.zero_point)) as i8
+    }
 }
 
 /// The int8 code of a real weight in units of `scale`, symmetric: within [-127, 127].
@@ -86,6 +98,11 @@ mod tests {
         assert_eq!([1, 3, 5, -1, -3].map(|acc| linear.requantise(acc, 0.5)), [-3, -1, -1, -3, -5]);
         assert_eq!(linear.requantise(i32::MAX, 1.0), 127);
         assert_eq!(linear.requantise(i32::MIN, f32::MAX), -128);
+        // A multiplier may be infinite: a zero accumulator then gives the lowest code.
+        for (acc, code) in [(i32::MAX, 127), (i32::MIN, -128), (0, -128), (1, 127)] {
+            let codes = (linear.requantise(acc, f32::INFINITY), linear.requantise_lane(acc, f32::INFINITY));
+            assert_eq!(codes, (code, code));
+        }
         let relu = Range::new(-128, true);
         assert_eq!(relu.requantise(-5, 1.0), -128);
         assert_eq!(relu.requantise(300, 1.0), 127);
@@ -108,6 +125,11 @@ mod tests {
             let rounded = libm::rint(f64::from(acc as f32 * multiplier));
             let code = (rounded + f64::from(range.zero_point)).clamp(f64::from(range.low), 127.0);
             assert_eq!(f64::from(range.requantise(acc, multiplier)), code, "{acc} {multiplier} {range:?}");
+            assert_eq!(
+                f64::from(range.requantise_lane(acc, multiplier)),
+                code,
+                "{acc} {multiplier} {range:?}"
+            );
         }
     }
 }

@@ -84,6 +84,29 @@ pub(crate) fn correlate(
     out
 }
 
+/// The same with a kernel `[height][width]` for every channel: `[side][side][channels]`.
+pub(crate) fn correlate_depthwise(
+    input: &Input<'_>,
+    window: &Window,
+    weights: &[i8],
+    side: usize,
+) -> Vec<i64> {
+    let (channels, [top, left, ..]) = (input.channels, window.pad);
+    let mut out = vec![0; side * side * channels];
+    for (index, out) in out.iter_mut().enumerate() {
+        let (pixel, channel) = (index / channels, index % channels);
+        for tap in 0..window.height * window.width {
+            let y = (pixel / side * window.stride + tap / window.width).wrapping_sub(top);
+            let x = (pixel % side * window.stride + tap % window.width).wrapping_sub(left);
+            if y < input.side && x < input.side {
+                let q = i64::from(input.data[(y * input.side + x) * channels + channel]);
+                *out += i64::from(weights[tap * channels + channel]) * (q - i64::from(input.zero_point));
+            }
+        }
+    }
+    out
+}
+
 /// The requantisation rule in its textbook order, in double precision after the single product.
 pub(crate) fn requantise(acc: i64, multiplier: f32, range: Range) -> i8 {
     let rounded = libm::rint(f64::from(acc as f32 * multiplier));

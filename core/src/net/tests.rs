@@ -2,12 +2,12 @@
 use super::band::Input;
 use super::classes::{ClassProbabilities, Map};
 use super::format::{F32s, I32s};
-use super::graph::{Conv, MixHead, Source, Sources, Window};
+use super::graph::{Conv, Depthwise, MixHead, PackedWindow, Source, Sources, Window};
 use super::quant::Range;
-use super::testing::{Random, correlate, requantise};
-use super::{op_conv, op_mix};
+use super::testing::{Random, correlate, correlate_depthwise, requantise};
+use super::{op_conv, op_depthwise, op_mix};
 use crate::arena::Arena;
-use crate::exec::Inline;
+use crate::exec::{Executor, Inline};
 use crate::kernels::{Kernels, Level, pack};
 use std::vec;
 use std::vec::Vec;
@@ -65,7 +65,12 @@ impl Sides {
 }
 
 fn random_window(random: &mut Random, max_stride: usize) -> Window {
-    let (height, width) = (random.range(1, 5), random.range(1, 5));
+    let kernel = (random.range(1, 5), random.range(1, 5));
+    window_of(random, kernel, max_stride)
+}
+
+/// A window of this height and width, its stride and padding random.
+fn window_of(random: &mut Random, (height, width): (usize, usize), max_stride: usize) -> Window {
     let stride = random.range(1, max_stride);
     let mut pads = |kernel: usize| {
         let total = random.range(kernel.saturating_sub(stride), kernel - 1);
@@ -105,10 +110,11 @@ fn convolutions_equal_the_textbook_on_every_level() {
         let conv = Conv {
             sources: Sources { first: SOURCE, second: None },
             output: 1,
-            window,
+            window: PackedWindow::new(window),
             cin,
             cout,
             relu: false,
+            relu6: false,
             weights: &packed,
             bias: I32s::new(&bytes[0], 0, cout).expect("in range"),
             weight_scale: F32s::new(&bytes[1], 0, cout).expect("in range"),
@@ -146,6 +152,120 @@ fn convolutions_equal_the_textbook_on_every_level() {
     }
 }
 
+/// A random depthwise convolution, what it reads, and its codes by the textbook.
+struct DepthwiseCase {
+    layer: (Window, usize, Vec<i8>),
+    bytes: [Vec<u8>; 2],
+    source: Vec<i8>,
+    zero_point: i8,
+    side: usize,
+    quant: (f32, Range),
+    expected: Vec<i8>,
+}
+
+impl DepthwiseCase {
+    fn random(random: &mut Random) -> Self {
+        let any = (random.range(1, 8), random.range(1, 8));
+        let kernel = [(3, 3), (5, 5), any][random.range(0, 2)];
+        let window = window_of(random, kernel, 2);
+        let (side, channels) = (random.range(1, 36), random.range(1, 70));
+        Self::of_shape(random, window, side, channels)
+    }
+
+    fn of_shape(random: &mut Random, window: Window, side: usize, channels: usize) -> Self {
+        let read = side * window.stride;
+        let source = random.codes(read * read * channels);
+        let zero_point = if random.range(0, 1) == 0 { -128 } else { random.next() as i8 };
+        let weights = random.weights(window.height * window.width * channels);
+        let bias: Vec<i32> = (0..channels).map(|_| (random.float() * 5e4) as i32).collect();
+        let scales: Vec<f32> = (0..channels).map(|_| 3e-3 * (1.1 + random.float())).collect();
+        let quant = (0.37, Range::new(random.next() as i8, random.range(0, 1) == 1));
+        let input = Input { data: &source, side: read, channels, upsample: false, zero_point };
+        let exact = correlate_depthwise(&input, &window, &weights, side);
+        let units = bias.iter().zip(&scales).cycle();
+        let code = |(&acc, (&bias, scale)): (&i64, (&i32, &f32))| {
+            requantise(acc + i64::from(bias), scale / quant.0, quant.1)
+        };
+        let expected = exact.iter().zip(units).map(code).collect();
+        let bytes = [
+            bytes_of(bias.iter().map(|b| b.to_le_bytes())),
+            bytes_of(scales.iter().map(|s| s.to_le_bytes())),
+        ];
+        Self { layer: (window, channels, weights), bytes, source, zero_point, side, quant, expected }
+    }
+
+    fn run(&self, kernels: &Kernels, exec: &dyn Executor) -> Vec<i8> {
+        let &(window, channels, ref weights) = &self.layer;
+        let layer = Depthwise {
+            source: 0,
+            output: 1,
+            window: PackedWindow::new(window),
+            channels,
+            relu: false,
+            relu6: false,
+            weights,
+            bias: I32s::new(&self.bytes[0], 0, channels).expect("in range"),
+            weight_scale: F32s::new(&self.bytes[1], 0, channels).expect("in range"),
+            float: None,
+        };
+        let (read, zero_point) = (self.side * window.stride, self.zero_point);
+        let input = Input { data: &self.source, side: read, channels, upsample: false, zero_point };
+        let mut scratch = vec![0xA5; op_depthwise::scratch_bytes(&layer, self.side)];
+        let mut out = vec![0; self.expected.len()];
+        let (arena, how) = (Arena::new(&mut scratch), (kernels, exec));
+        op_depthwise::run(&layer, input, self.quant, how, arena, self.side, &mut out)
+            .expect("enough scratch");
+        out
+    }
+}
+
+fn depthwise_equals_the_textbook(seeds: core::ops::Range<u64>, exec: &dyn Executor) {
+    let levels = levels();
+    for seed in seeds {
+        let case = DepthwiseCase::random(&mut Random(seed));
+        let ((window, channels, _), side) = (&case.layer, case.side);
+        for kernels in &levels {
+            let same = case.run(kernels, exec) == case.expected;
+            assert!(same, "seed {seed} {} {window:?} side {side} channels {channels}", kernels.name());
+        }
+    }
+}
+
+#[test]
+fn depthwise_convolutions_equal_the_textbook_on_every_level() {
+    depthwise_equals_the_textbook(2000..2150, &Inline);
+}
+
+#[cfg(feature = "parallel")]
+#[test]
+fn depthwise_convolutions_on_threads_equal_the_textbook() {
+    depthwise_equals_the_textbook(2150..2200, &crate::exec::Pool::new(3).expect("threads"));
+}
+
+/// Fastest of many runs, one thread: `cargo test -p flashmat-core --release depthwise_speed -- --ignored --nocapture`.
+#[test]
+#[ignore = "a measurement"]
+fn depthwise_speed() {
+    for (side, channels, kernel, stride) in
+        [(64, 144, 3, 1), (16, 672, 5, 1), (32, 240, 5, 2), (32, 240, 3, 2), (32, 40, 7, 1)]
+    {
+        let pad = [kernel / 2, kernel / 2, kernel - kernel / 2 - 1, kernel - kernel / 2 - 1];
+        let window = Window { height: kernel, width: kernel, stride, pad };
+        let case = DepthwiseCase::of_shape(&mut Random(3), window, side, channels);
+        for kernels in Kernels::supported() {
+            let mut best = f64::INFINITY;
+            for _ in 0..200 {
+                let start = std::time::Instant::now();
+                core::hint::black_box(case.run(kernels, &Inline));
+                best = best.min(start.elapsed().as_secs_f64());
+            }
+            let macs = (side * side * channels * kernel * kernel) as f64;
+            let name = kernels.level().name();
+            std::println!("{side}² x {channels}, {kernel}/{stride}, {name}: {:.1} GMAC/s", macs / best / 1e9);
+        }
+    }
+}
+
 /// A random head and its bytes.
 struct Head {
     weights: Vec<f32>,
@@ -178,7 +298,7 @@ impl Head {
         MixHead {
             sources: Sources { first: SOURCE, second: None },
             map: self.map,
-            window: Window { height: 3, width: 3, stride: 1, pad: [1; 4] },
+            window: PackedWindow::new(Window { height: 3, width: 3, stride: 1, pad: [1; 4] }),
             cin: self.cin,
             cout,
             shuffle: self.shuffle,

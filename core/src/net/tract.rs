@@ -6,7 +6,7 @@
 //! Unlike the int8 engine it needs `std` and allocates, and its bits may differ between CPUs.
 use super::activation;
 use super::classes::{CLASSES, ClassProbabilities, Map, Mixing};
-use super::graph::{self, Dense, Graph, INPUT, INPUT_CHANNELS, MixHead, Op, Sources, Window};
+use super::graph::{self, Dense, Depthwise, Graph, INPUT, INPUT_CHANNELS, MixHead, Op, Sources, Window};
 use super::op_input::coordinate;
 use super::{Classification, Model, split3};
 use crate::arena::Arena;
@@ -188,7 +188,19 @@ fn build(model: &Model<'_>, size: usize) -> TractResult<Arc<TypedRunnableModel>>
                     None => real_weights(graph, conv),
                 };
                 let input = builder.join(model, name, &conv.sources)?;
-                builder.conv(name, input, &conv.window, (conv.cin, conv.cout), weights, conv.relu)?
+                let (window, shape) = (conv.window.get(), (conv.cin, conv.cout, 1));
+                let out = builder.conv(name, input, &window, shape, weights, conv.relu)?;
+                if conv.relu6 { builder.at_most_6(name, out)? } else { out }
+            }
+            Op::Depthwise(layer) => {
+                let weights = match layer.float {
+                    Some((weights, bias)) => (weights.iter().collect(), bias.iter().collect()),
+                    None => real_depthwise(graph, layer),
+                };
+                let (input, channels) = (builder.tensor(layer.source)?, layer.channels);
+                let shape = (channels, channels, channels);
+                let out = builder.conv(name, input, &layer.window.get(), shape, weights, layer.relu)?;
+                if layer.relu6 { builder.at_most_6(name, out)? } else { out }
             }
             Op::MeanPool(pool) => {
                 let first = builder.mean(name, pool.source, graph.tensors()[pool.source].side(size))?;
@@ -203,9 +215,9 @@ fn build(model: &Model<'_>, size: usize) -> TractResult<Arc<TypedRunnableModel>>
             Op::Dense(dense) => builder.dense(name, dense)?,
             Op::MixHead(head) => {
                 let input = builder.join(model, name, &head.sources)?;
-                let channels = (head.cin, head.classes * head.cout);
+                let channels = (head.cin, head.classes * head.cout, 1);
                 let weights = (head.weights.iter().collect(), head.bias.iter().collect());
-                builder.conv(name, input, &head.window, channels, weights, false)?
+                builder.conv(name, input, &head.window.get(), channels, weights, false)?
             }
         };
         if let Some(tensor) = layer.op.output() {
@@ -219,7 +231,7 @@ fn build(model: &Model<'_>, size: usize) -> TractResult<Arc<TypedRunnableModel>>
 
 /// What the int8 weights stand for, `[cout][height][width][cin]`, and the bias: for files without float weights.
 fn real_weights(graph: &Graph<'_>, conv: &graph::Conv<'_>) -> (Vec<f32>, Vec<f32>) {
-    let shape = Shape::new(conv.cout, conv.window.height, conv.window.width, conv.cin);
+    let shape = Shape::new(conv.cout, conv.window.get().height, conv.window.get().width, conv.cin);
     let scales: Vec<f32> = conv
         .sources
         .iter()
@@ -237,6 +249,16 @@ fn real_weights(graph: &Graph<'_>, conv: &graph::Conv<'_>) -> (Vec<f32>, Vec<f32
     }
     let bias = conv.bias.iter().zip(conv.weight_scale.iter()).map(|(b, unit)| b as f32 * unit).collect();
     (weights, bias)
+}
+
+/// The same of a depthwise convolution, `[height][width][channels]`.
+fn real_depthwise(graph: &Graph<'_>, layer: &Depthwise<'_>) -> (Vec<f32>, Vec<f32>) {
+    let scale = graph.tensors().get(layer.source).map_or(1.0, |tensor| tensor.scale);
+    let units: Vec<f32> = layer.weight_scale.iter().collect();
+    let weights =
+        layer.weights.iter().zip(units.iter().cycle()).map(|(&q, unit)| f32::from(q) * unit / scale);
+    let bias = layer.bias.iter().zip(&units).map(|(b, unit)| b as f32 * unit).collect();
+    (weights.collect(), bias)
 }
 
 struct Builder {
@@ -306,7 +328,7 @@ impl Builder {
         name: &str,
         input: OutletId,
         window: &Window,
-        (cin, cout): (usize, usize),
+        (cin, cout, groups): (usize, usize, usize),
         (weights, bias): (Vec<f32>, Vec<f32>),
         relu: bool,
     ) -> TractResult<OutletId> {
@@ -320,9 +342,10 @@ impl Builder {
             input_channels: cin,
             output_channels: cout,
         };
-        let weights = self.constant(name, weights, &[cout, window.height, window.width, cin])?;
+        // With groups, the outputs of one: [1][height][width][channels] of a depthwise convolution.
+        let weights = self.constant(name, weights, &[cout / groups, window.height, window.width, cin])?;
         let bias = self.constant(name, bias, &[cout])?;
-        let op = Conv { pool_spec, kernel_fmt: KernelFormat::OHWI, group: 1, q_params: None };
+        let op = Conv { pool_spec, kernel_fmt: KernelFormat::OHWI, group: groups, q_params: None };
         let sum = self.wire(name, op, &[input, weights, bias])?;
         if relu { self.relu(name, sum) } else { Ok(sum) }
     }
@@ -331,6 +354,12 @@ impl Builder {
         let unique = std::format!("{name}.{}", self.typed.nodes().len());
         let zero = self.typed.add_const(unique, Tensor::from_shape(&[1, 1, 1, 1], &[0.0_f32])?)?;
         self.wire(name, math::max(), &[input, zero])
+    }
+
+    fn at_most_6(&mut self, name: &str, input: OutletId) -> TractResult<OutletId> {
+        let unique = std::format!("{name}.{}", self.typed.nodes().len());
+        let six = self.typed.add_const(unique, Tensor::from_shape(&[1, 1, 1, 1], &[6.0_f32])?)?;
+        self.wire(name, math::min(), &[input, six])
     }
 
     fn mean(&mut self, name: &str, source: usize, side: usize) -> TractResult<OutletId> {
@@ -349,7 +378,7 @@ impl Builder {
         if let Some(second) = dense.second {
             input = self.wire(name, TypedConcat { axis: 3 }, &[input, self.tensor(second)?])?;
         }
-        let channels = (dense.weights.len() / dense.bias.len().max(1), dense.bias.len());
+        let channels = (dense.weights.len() / dense.bias.len().max(1), dense.bias.len(), 1);
         let parameters = (dense.weights.iter().collect(), dense.bias.iter().collect());
         self.conv(name, input, &window, channels, parameters, dense.relu)
     }
