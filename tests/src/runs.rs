@@ -3,7 +3,7 @@ use flashmat_core::arena::Arena;
 use flashmat_core::exec::Executor;
 use flashmat_core::frame::LinearImage;
 use flashmat_core::maps::MapsMut;
-use flashmat_core::net::{Class, Classification, Mixing, Network, Tap};
+use flashmat_core::net::{Class, ClassProbabilities, Classification, Mixing, Network, Tap};
 use flashmat_core::{Error, Silent};
 
 /// Memory of a network run, to be used again and again.
@@ -14,6 +14,8 @@ pub struct NetRun {
     clipped: Vec<u8>,
     /// The light's scale, if known.
     pub light_scale: Option<f32>,
+    /// The class probabilities, if another look has found them.
+    pub known: Option<ClassProbabilities>,
     workspace: Vec<u8>,
     /// 3 planes.
     pub albedo: Vec<f32>,
@@ -32,7 +34,7 @@ impl NetRun {
         let workspace = (0..network.workspace_bytes()).map(|i| (i * 193 + 71) as u8).collect();
         let clipped = vec![0; pixels];
         let (albedo, normal, roughness) = (vec![0.0; 3 * pixels], vec![0.0; 3 * pixels], vec![0.0; pixels]);
-        Self { size, rgb, clipped, light_scale: None, workspace, albedo, normal, roughness }
+        Self { size, rgb, clipped, light_scale: None, known: None, workspace, albedo, normal, roughness }
     }
 
     /// Runs the network; allocates nothing.
@@ -46,7 +48,7 @@ impl NetRun {
         exec: &dyn Executor,
         tap: Option<&mut dyn Tap>,
     ) -> Result<Classification, Error> {
-        let mixing = Mixing::only(class);
+        let mixing = Mixing { known: self.known, ..Mixing::only(class) };
         let photo = LinearImage {
             size: self.size,
             rgb: &self.rgb,

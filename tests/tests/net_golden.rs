@@ -68,6 +68,40 @@ fn every_tensor_is_the_reference_on_every_level() {
     }
 }
 
+/// Names of the tensors that were written.
+#[derive(Default)]
+struct Written(Vec<String>);
+
+impl Tap for Written {
+    fn image(&mut self, _: usize, tensor: &Tensor<'_>, _: &[i8]) {
+        self.0.push(tensor.name.as_str().to_owned());
+    }
+
+    fn vector(&mut self, _: usize, tensor: &Tensor<'_>, _: &[f32]) {
+        self.0.push(tensor.name.as_str().to_owned());
+    }
+}
+
+#[test]
+fn a_class_that_is_known_spares_the_classifier_and_changes_no_bit() {
+    let model = Model::from_bytes(TOY_MODEL).expect("the golden model");
+    let network = Network::new(model, TOY_SIZE, Kernels::scalar()).expect("128 suits");
+    let mut own = NetRun::new(&network, TOY_SIZE, toy_photo());
+    let mut all = Written::default();
+    let found = own.run(&network, None, &Inline, Some(&mut all)).expect("a run");
+    let mut told = NetRun::new(&network, TOY_SIZE, toy_photo());
+    told.known = Some(found.predicted);
+    let mut some = Written::default();
+    assert_eq!(told.run(&network, None, &Inline, Some(&mut some)).expect("a run"), found);
+    for map in ["albedo", "normal", "roughness"] {
+        assert_eq!(own.map(map), told.map(map), "{map}");
+    }
+    let spared: Vec<_> = all.0.iter().filter(|name| !some.0.contains(name)).collect();
+    println!("not run: {spared:?}");
+    assert!(spared.iter().any(|name| *name == "logits") && spared.iter().any(|name| *name == "hidden"));
+    assert!(some.0.iter().all(|name| all.0.contains(name)) && some.0.iter().any(|name| name == "enc1"));
+}
+
 #[test]
 fn threads_change_no_bit() {
     let model = Model::from_bytes(TOY_MODEL).expect("the golden model");

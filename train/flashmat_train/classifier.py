@@ -31,7 +31,7 @@ from .training.validate import validation_set
 BATCH = 16
 EPOCHS, RATE, DECAY, SMOOTHING = 30, 1e-3, 1e-2, 0.1
 #: Shares of the means and of the hidden values that are left out at random.
-DROPOUT = (0.3, 0.4)
+DROPOUT = (0.2, 0.2)
 
 
 def add_arguments(p: argparse.ArgumentParser) -> None:

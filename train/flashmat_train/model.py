@@ -60,7 +60,7 @@ class NetworkConfig:
 
 PRESETS = {
     "phone": NetworkConfig(
-        "phone", (32, 48, 64, 128, 192, 256, 256), (128, 128, 96, 64, 40, 32), 96, trunk=11, room=64, detail=32
+        "phone", (32, 48, 64, 128, 192, 256, 256), (128, 128, 96, 64, 40, 32), 48, trunk=11, room=64, detail=32
     ),
     "paper": NetworkConfig(
         "paper", (64, 128, 256, 256, 512, 512, 512), (512, 256, 256, 128, 96, 64), room=64, detail=32

@@ -1,5 +1,5 @@
 //! The eight material classes, their probabilities, and the maps that heads make.
-use crate::math::{expf, sqrtf};
+use crate::math::expf;
 
 /// Number of classes.
 pub const CLASSES: usize = 8;
@@ -88,16 +88,6 @@ impl ClassProbabilities {
         Self(powers.map(|p| p / sum))
     }
 
-    /// Two looks at the same material: geometric mean, so that a class must seem likely in both; where no class does,
-    /// `self`.
-    #[must_use]
-    pub fn joined(&self, other: &Self) -> Self {
-        let mut both = self.0;
-        both.iter_mut().zip(&other.0).for_each(|(p, q)| *p = sqrtf(*p * q));
-        let sum: f32 = both.iter().sum();
-        if sum > 0.0 { Self(both.map(|p| p / sum)) } else { *self }
-    }
-
     /// The probability of one class.
     #[must_use]
     pub fn of(&self, class: Class) -> f32 {
@@ -124,8 +114,8 @@ pub struct Classification {
 /// What else than the classifier's own answer has a say in how the heads are mixed; by default nothing.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Mixing {
-    /// The answer of another look at the same photo, which is joined with this one's.
-    pub second: Option<ClassProbabilities>,
+    /// The answer of another look at the same photo, which is taken for this one's: the classifier need not run.
+    pub known: Option<ClassProbabilities>,
     /// What the heads are mixed with, whatever the classifier says.
     pub only: Option<ClassProbabilities>,
 }
@@ -140,7 +130,7 @@ impl Mixing {
     /// The classification when the classifier alone says `own`.
     #[must_use]
     pub fn classification(&self, own: ClassProbabilities) -> Classification {
-        let predicted = self.second.map_or(own, |second| own.joined(&second));
+        let predicted = self.known.unwrap_or(own);
         Classification { predicted, used: self.only.unwrap_or(predicted) }
     }
 }
@@ -190,24 +180,14 @@ mod tests {
     }
 
     #[test]
-    fn two_looks_are_joined_by_the_geometric_mean() {
-        let (a, b) = (
-            ClassProbabilities([0.64, 0.36, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]),
-            ClassProbabilities([0.25, 0.0, 0.5, 0.25, 0.0, 0.0, 0.0, 0.0]),
-        );
-        assert_eq!(a.joined(&b), ClassProbabilities::certain(Class::Fabric));
-        let (a, b) = (
-            ClassProbabilities::softmax(&[1.0, 2.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]),
-            ClassProbabilities::softmax(&[3.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]),
-        );
-        // Logits are averaged.
-        let want = ClassProbabilities::softmax(&[2.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
-        assert!(a.joined(&b).0.iter().zip(want.0).all(|(p, q)| (p - q).abs() < 1e-6));
-        let (metal, wood) =
-            (ClassProbabilities::certain(Class::Metal), ClassProbabilities::certain(Class::Wood));
-        assert_eq!(metal.joined(&wood), metal);
-        let mixing = Mixing { second: Some(b), ..Mixing::only(Some(Class::Wood)) };
-        assert_eq!(mixing.classification(a), Classification { predicted: a.joined(&b), used: wood });
+    fn another_looks_answer_and_the_callers_class_take_the_classifiers_place() {
+        let a = ClassProbabilities::softmax(&[1.0, 2.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+        let b = ClassProbabilities::softmax(&[3.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+        let wood = ClassProbabilities::certain(Class::Wood);
+        let known = Mixing { known: Some(b), only: None };
+        assert_eq!(known.classification(a), Classification { predicted: b, used: b });
+        let both = Mixing { known: Some(b), ..Mixing::only(Some(Class::Wood)) };
+        assert_eq!(both.classification(a), Classification { predicted: b, used: wood });
         assert_eq!(Mixing::default().classification(a), Classification { predicted: a, used: a });
     }
 

@@ -200,8 +200,7 @@ impl<'m> Network<'m> {
         let images = scope.take::<i8>(self.plan.image_bytes)?;
         let vectors = scope.take::<f32>(self.plan.floats)?;
         let mut state = State { network: self, images, vectors, exec, tap };
-        let mut classification =
-            Classification { predicted: ClassProbabilities::UNIFORM, used: ClassProbabilities::UNIFORM };
+        let mut classification = mixing.classification(ClassProbabilities::UNIFORM);
         let layers = self.model.graph.layers();
         let mut next = 0;
         while next < layers.len() {
@@ -213,7 +212,10 @@ impl<'m> Network<'m> {
                 if batch.start == 0 {
                     state.fill_input(photo);
                 }
-                for layer in layers.get(batch.clone()).unwrap_or(&[]) {
+                for (index, layer) in layers.iter().enumerate().take(batch.end).skip(batch.start) {
+                    if mixing.known.is_some() && !self.plan.makes_maps(index) {
+                        continue;
+                    }
                     state.step(layer, &classification.used, scope.scope(), maps)?;
                     if layer.op.output() == Some(self.model.graph.logits) {
                         classification = mixing.classification(state.predicted());

@@ -1,5 +1,5 @@
 //! Where the tensors lie: image tensors share one block of bytes by their lifetimes, vectors get one of floats.
-use super::graph::{Graph, INPUT, MAX_TENSORS, Op};
+use super::graph::{Graph, INPUT, MAX_LAYERS, MAX_TENSORS, Op};
 use super::{op_conv, op_depthwise, op_mix};
 use crate::Error;
 use crate::arena::{ALIGN, bytes_for};
@@ -29,6 +29,8 @@ pub(super) struct Plan {
     /// Values of all vectors.
     pub(super) floats: usize,
     scratch: usize,
+    /// A bit for each layer that a head needs; the others are the classifier's alone.
+    map_layers: u128,
 }
 
 impl Plan {
@@ -38,7 +40,14 @@ impl Plan {
         if size == 0 || size > MAX_SIZE || !size.is_multiple_of(multiple) {
             return Err(Error::NetworkSize { size, multiple });
         }
-        let mut plan = Self { size, places: heapless::Vec::new(), image_bytes: 0, floats: 0, scratch: 0 };
+        let mut plan = Self {
+            size,
+            places: heapless::Vec::new(),
+            image_bytes: 0,
+            floats: 0,
+            scratch: 0,
+            map_layers: map_layers(graph),
+        };
         let lives = lifetimes(graph);
         for (tensor, life) in graph.tensors().iter().zip(&lives) {
             let side = tensor.side(size);
@@ -65,6 +74,11 @@ impl Plan {
             plan.scratch = plan.scratch.max(scratch);
         }
         Ok(plan)
+    }
+
+    /// Whether a head needs what the layer of this number writes, or it is a head.
+    pub(super) fn makes_maps(&self, layer: usize) -> bool {
+        self.map_layers >> layer & 1 == 1
     }
 
     /// Bytes of workspace that a run needs.
@@ -100,6 +114,20 @@ impl Plan {
             }
         }
     }
+}
+
+const _: () = assert!(MAX_LAYERS <= 128 && MAX_TENSORS <= 128);
+
+/// See [`Plan::map_layers`]: from the heads backwards.
+fn map_layers(graph: &Graph<'_>) -> u128 {
+    let (mut layers, mut wanted) = (0, 0_u128);
+    for (index, layer) in graph.layers().iter().enumerate().rev() {
+        if layer.op.output().is_none_or(|tensor| wanted >> tensor & 1 == 1) {
+            layers |= 1 << index;
+            wanted |= layer.op.inputs().fold(0, |all, tensor| all | 1 << tensor);
+        }
+    }
+    layers
 }
 
 /// The layers between which a tensor must be kept, both included.

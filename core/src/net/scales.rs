@@ -3,13 +3,13 @@
 //!
 //! A network knows the flash's highlight, its falloff and the picture's borders at the size of its training photos
 //! ([`Defaults::base_size`](super::format::Defaults)). At twice that size the same layers see a quarter of the picture
-//! each, and shading goes into the maps. So the base run (class, everything larger than a base pixel) is joined with
+//! each, and shading goes into the maps. So the base run (everything larger than a base pixel) is joined with
 //! what the full-size run adds below a base pixel, as a two-level Laplacian pyramid: albedo by ratio, normals by
 //! slope, roughness by difference. A network that was trained at the full size too
 //! ([`Defaults::top_size`](super::format::Defaults)) knows it all there as well: then what is large in normals is the
 //! mean of both runs, which errs less than either; albedo and roughness, which the light's falloff and the highlight's
-//! shape tell, stay the base run's (docs/experiments.md). The class is what both say, for fine cloth shows its threads at full size only; so
-//! the full-size run comes first, and the base run's heads are mixed by both.
+//! shape tell, stay the base run's (docs/experiments.md). The class is what the full-size run says, for a material's texture shows there;
+//! so it comes first, and the base run's heads are mixed by its answer, without a classifier of their own.
 //!
 //! Flash and camera are at the centre, so a mirrored photo is a photo of the mirrored material, and what the network says of
 //! it, mirrored back, is a second opinion: the mean of both errs less than either (docs/experiments.md). The base run is
@@ -106,7 +106,7 @@ impl<E: Engine> Engine for Scales<E> {
         }
         let mut part = Part { observer, from: 0.0, share: FULL_SHARE };
         let seen = self.full.infer(photo, mixing, exec, &mut scope, maps, &mut part)?;
-        let mixing = Mixing { second: Some(seen.predicted), ..mixing };
+        let mixing = Mixing { known: Some(seen.predicted), ..mixing };
         let again = scope.take::<f32>(MAPS * m * m)?;
         let share = (1.0 - FULL_SHARE) / 2.0;
         let mut look = |rgb: &[f32], out: &mut [f32], from: f32| {
@@ -114,16 +114,12 @@ impl<E: Engine> Engine for Scales<E> {
             let mut part = Part { observer: &mut *observer, from, share };
             base.infer(&small, mixing, exec, &mut scope.scope(), &mut maps_of(out, m), &mut part)
         };
-        let upright = look(rgb, first, FULL_SHARE)?;
+        look(rgb, first, FULL_SHARE)?;
         rgb.chunks_exact_mut(m).for_each(<[f32]>::reverse);
-        let mirrored = look(rgb, again, FULL_SHARE + share)?;
+        look(rgb, again, FULL_SHARE + share)?;
         add_mirrored(first, again, m);
-        let classification = Classification {
-            predicted: upright.predicted.joined(&mirrored.predicted),
-            used: upright.used.joined(&mirrored.used),
-        };
         join(first, again, m, maps, self.knows_full, exec);
-        Ok(classification)
+        Ok(seen)
     }
 }
 
