@@ -32,8 +32,6 @@ BATCH = 16
 EPOCHS, RATE, DECAY, SMOOTHING = 30, 1e-3, 1e-2, 0.1
 #: Shares of the means and of the hidden values that are left out at random.
 DROPOUT = (0.2, 0.2)
-#: Divides the logits: the maps' heads are used to a classifier that was less sure (docs/experiments.md).
-TEMPERATURE = 1.5
 
 
 def add_arguments(p: argparse.ArgumentParser) -> None:
@@ -105,8 +103,6 @@ def fit(means: Tensor, cls: Tensor, hidden: int, seed: int) -> nn.Sequential:
     with torch.no_grad():  # the means' own mean and spread belong to the first layer
         first.bias -= first.weight @ (mean / spread)
         first.weight /= spread
-        last.weight /= TEMPERATURE
-        last.bias /= TEMPERATURE
     return nn.Sequential(first, nn.ReLU(), last)
 
 
