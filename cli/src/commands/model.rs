@@ -129,8 +129,8 @@ fn layers(loaded: &Loaded<'_>, size: usize) -> String {
 /// Tensor numbers that a layer reads, and whether it doubles their pixels.
 fn sources(layer: &Layer<'_>) -> Vec<(usize, bool)> {
     match &layer.op {
-        Op::Conv(conv) => conv.sources.iter().map(|s| (s.tensor, s.upsample)).collect(),
-        Op::MixHead(head) => head.sources.iter().map(|s| (s.tensor, s.upsample)).collect(),
+        Op::Conv(conv) => conv.sources.iter().map(|s| (s.tensor(), s.upsample)).collect(),
+        Op::MixHead(head) => head.sources.iter().map(|s| (s.tensor(), s.upsample)).collect(),
         op => op.inputs().map(|number| (number, false)).collect(),
     }
 }

@@ -65,10 +65,25 @@ impl Tensor<'_> {
 /// An image tensor as a layer reads it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Source {
-    /// Tensor number.
-    pub tensor: usize,
+    /// A byte holds it: see [`PackedWindow`].
+    tensor: u8,
     /// Read with every pixel doubled in both directions.
     pub upsample: bool,
+}
+
+const _: () = assert!(MAX_TENSORS <= 1 << u8::BITS);
+
+impl Source {
+    /// The tensor of this number, which is below [`MAX_TENSORS`].
+    pub(super) const fn new(tensor: usize, upsample: bool) -> Self {
+        Self { tensor: tensor as u8, upsample }
+    }
+
+    /// Tensor number.
+    #[must_use]
+    pub fn tensor(self) -> usize {
+        usize::from(self.tensor)
+    }
 }
 
 /// One or two sources, concatenated by channel.
@@ -271,7 +286,7 @@ impl Op<'_> {
     pub fn inputs(&self) -> impl Iterator<Item = usize> + use<> {
         let (first, second) = match self {
             Self::Conv(Conv { sources, .. }) | Self::MixHead(MixHead { sources, .. }) => {
-                (sources.first.tensor, sources.second.map(|s| s.tensor))
+                (sources.first.tensor(), sources.second.map(Source::tensor))
             }
             Self::Depthwise(depthwise) => (depthwise.source, None),
             Self::MeanPool(pool) => (pool.source, pool.second),

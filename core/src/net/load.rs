@@ -220,7 +220,7 @@ impl<'m> Loader<'_, 'm> {
             if divisor == 0 {
                 return Err(self.shape_error());
             }
-            Ok((Source { tensor, upsample }, shape.channels, divisor))
+            Ok((Source::new(tensor, upsample), shape.channels, divisor))
         };
         let (first, cin, divisor) = one(fields, field::SOURCE0)?;
         if fields.values[field::SOURCE1] == NONE {

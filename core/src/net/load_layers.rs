@@ -21,7 +21,7 @@ impl<'m> Loader<'_, 'm> {
         let shape = pack::Shape::new(cout, window.height, window.width, cin);
         let weights = self.codes(fields, shape.packed_len())?;
         let (bias, weight_scale) = self.units(fields, cout)?;
-        let second = sources.second.and_then(|s| self.tensors.get(s.tensor)).map_or(0, |t| t.channels);
+        let second = sources.second.and_then(|s| self.tensors.get(s.tensor())).map_or(0, |t| t.channels);
         let count = if second > 0 { 2 * cout } else { cout };
         let sums =
             I32s::new(self.sections.params, fields.take(field::SUMS), count).ok_or(self.bounds_error())?;
@@ -48,7 +48,7 @@ impl<'m> Loader<'_, 'm> {
         let weights = self.codes(fields, count)?;
         let (bias, weight_scale) = self.units(fields, channels)?;
         let float = self.real(fields, count, channels)?;
-        let source = sources.first.tensor;
+        let source = sources.first.tensor();
         let window = PackedWindow::new(window);
         Ok(Depthwise { source, output, window, channels, relu, relu6, weights, bias, weight_scale, float })
     }

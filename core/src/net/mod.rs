@@ -327,7 +327,7 @@ impl<'m> State<'_, 'm> {
                 self.tap.image(output, tensor, codes);
             }
             Op::Depthwise(layer) => {
-                let source = Source { tensor: layer.source, upsample: false };
+                let source = Source::new(layer.source, false);
                 let (before, codes, after) = carve(self.images, hole);
                 let input =
                     inputs(network, &Sources { first: source, second: None }, before, after, hole).next();
@@ -398,8 +398,8 @@ fn inputs<'a>(
     hole: Place,
 ) -> impl Iterator<Item = (Input<'a>, f32)> + Clone {
     let one = move |source: Source| {
-        let tensor = network.model.graph.tensors().get(source.tensor)?;
-        let place = network.plan.places.get(source.tensor).copied()?;
+        let tensor = network.model.graph.tensors().get(source.tensor())?;
+        let place = network.plan.places.get(source.tensor()).copied()?;
         let data = find(before, after, hole, place);
         let Tensor { channels, zero_point, scale, .. } = *tensor;
         let side = tensor.side(network.plan.size);

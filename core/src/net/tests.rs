@@ -29,7 +29,7 @@ fn bytes_of(values: impl Iterator<Item = [u8; 4]>) -> Vec<u8> {
     values.flatten().collect()
 }
 
-const SOURCE: Source = Source { tensor: 0, upsample: false };
+const SOURCE: Source = Source::new(0, false);
 
 /// Random sources for `side x side` outputs at this stride.
 struct Sides {

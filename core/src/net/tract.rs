@@ -235,7 +235,7 @@ fn real_weights(graph: &Graph<'_>, conv: &graph::Conv<'_>) -> (Vec<f32>, Vec<f32
     let scales: Vec<f32> = conv
         .sources
         .iter()
-        .filter_map(|source| graph.tensors().get(source.tensor))
+        .filter_map(|source| graph.tensors().get(source.tensor()))
         .flat_map(|tensor| core::iter::repeat_n(tensor.scale, tensor.channels))
         .collect();
     let mut plain = vec![0_i8; shape.plain_len()];
@@ -293,8 +293,8 @@ impl Builder {
     fn join(&mut self, model: &Model<'_>, name: &str, sources: &Sources) -> TractResult<OutletId> {
         let mut parts: TVec<OutletId> = tvec!();
         for source in sources.iter() {
-            let outlet = self.tensor(source.tensor)?;
-            let shape = &model.graph.tensors()[source.tensor];
+            let outlet = self.tensor(source.tensor())?;
+            let shape = &model.graph.tensors()[source.tensor()];
             let part = if source.upsample {
                 self.upsample(name, outlet, shape.side(self.size), shape.channels)?
             } else {

@@ -141,8 +141,9 @@ impl<'m> Pipeline<'m> {
     /// # Errors
     /// As [`Network::new`].
     pub fn new(model: Model<'m>, size: usize, kernels: &'static Kernels) -> Result<Self, Error> {
-        let network = Scales::new(&model, size, |size| Network::new(model.clone(), size, kernels))?;
-        Ok(Self { network, simd: Simd::for_level(kernels.level())? })
+        let simd = Simd::for_level(kernels.level())?;
+        Scales::new(&model, size, |size| Network::new(model.clone(), size, kernels))
+            .map(|network| Self { network, simd })
     }
 
     /// Bytes of workspace that [`Pipeline::run`] needs.
