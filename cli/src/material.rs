@@ -1,6 +1,6 @@
 //! What a capture gives, owned: the material's maps and the facts around them.
 use crate::engine::Timings;
-use flashmat_core::maps::Maps;
+use flashmat_core::maps::{Maps, MapsMut};
 use flashmat_core::net::Class;
 
 /// Owned maps; units as in [`Maps`].
@@ -15,6 +15,11 @@ pub(crate) struct OwnedMaps {
 impl OwnedMaps {
     pub(crate) fn view(&self) -> Maps<'_> {
         Maps { size: self.size, albedo: &self.albedo, normal: &self.normal, roughness: &self.roughness }
+    }
+
+    pub(crate) fn view_mut(&mut self) -> MapsMut<'_> {
+        let Self { size, albedo, normal, roughness } = self;
+        MapsMut { size: *size, albedo, normal, roughness }
     }
 }
 

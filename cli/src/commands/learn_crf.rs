@@ -225,7 +225,7 @@ impl StageRun<'_> {
                         Stage::Normal => &sample.truth.normal,
                         Stage::Roughness => &sample.truth.roughness,
                     };
-                    Ok(gradient::loss(self.stage, &sample.refined(self.stage, sets, workspace)?, truth))
+                    Ok(gradient::loss(self.stage, &sample.crf(self.stage, sets, workspace)?, truth))
                 },
             );
             each.collect::<Result<_, Error>>()

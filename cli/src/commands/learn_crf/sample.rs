@@ -44,6 +44,22 @@ impl Stage {
     }
 }
 
+/// A photo as the pipeline sees it.
+struct Photo {
+    size: usize,
+    rgb: Vec<f32>,
+    clipped: Vec<u8>,
+    fov_deg: f32,
+    light_scale: Option<f32>,
+}
+
+impl Photo {
+    fn image(&self) -> LinearImage<'_> {
+        let Self { size, rgb, clipped, fov_deg, light_scale } = self;
+        LinearImage { size: *size, rgb, clipped, fov_deg: *fov_deg, light_scale: *light_scale }
+    }
+}
+
 /// One photo, its true maps, and what is known of it so far.
 pub(super) struct Sample {
     pub(super) truth: OwnedMaps,
@@ -51,15 +67,10 @@ pub(super) struct Sample {
     pub(super) first: OwnedMaps,
     /// What the classifier believes: the coefficients are mixed with it.
     pub(super) probabilities: [f32; Class::ALL.len()],
-    photo: Vec<f32>,
-    clipped: Vec<u8>,
-    fov_deg: f32,
-    light_scale: Option<f32>,
+    photo: Photo,
     f0: f32,
-    /// Refined maps, as a capture has them; the network's until [`Sample::advance`] has refined them.
-    pub(super) albedo: Vec<f32>,
-    pub(super) normal: Vec<f32>,
-    pub(super) roughness: Vec<f32>,
+    /// As a capture has them; the network's until [`Sample::advance`] has refined them.
+    pub(super) refined: OwnedMaps,
     searched: Vec<f32>,
     observability: Vec<f32>,
 }
@@ -77,46 +88,19 @@ impl Sample {
         let found = engine.capture(&shot.photo, &mut |_, _| interrupt::flow()).map_err(failed)?;
         let clipped = clipped(&shot.photo, size).map_err(failed)?;
         let f0 = brdf::f0(found.probabilities.get(Class::Metal as usize).copied().unwrap_or(0.0));
-        let mut sample = Self {
+        let mut refined = found.maps.clone();
+        let photo = Photo { size, rgb: found.photo, clipped, fov_deg: found.fov_deg, light_scale };
+        below_highlights(highlight::restore, &photo, &mut refined, f0).map_err(failed)?;
+        Ok(Self {
             truth: shot.truth,
+            first: OwnedMaps { albedo: refined.albedo.clone(), ..found.maps },
             probabilities: found.probabilities,
-            photo: found.photo,
-            clipped,
-            fov_deg: found.fov_deg,
-            light_scale,
+            photo,
             f0,
-            albedo: found.maps.albedo.clone(),
-            normal: found.maps.normal.clone(),
-            roughness: found.maps.roughness.clone(),
+            refined,
             searched: Vec::new(),
             observability: Vec::new(),
-            first: found.maps,
-        };
-        sample.below_highlights(highlight::restore).map_err(failed)?;
-        sample.first.albedo.clone_from(&sample.albedo);
-        Ok(sample)
-    }
-
-    /// One of the highlight's steps over the maps as refined so far, in place.
-    fn below_highlights(&mut self, step: HighlightStep) -> Result<(), Error> {
-        let size = self.truth.size;
-        let photo = LinearImage {
-            size,
-            rgb: &self.photo,
-            clipped: &self.clipped,
-            fov_deg: self.fov_deg,
-            light_scale: self.light_scale,
-        };
-        let mut maps = MapsMut {
-            size,
-            albedo: &mut self.albedo,
-            normal: &mut self.normal,
-            roughness: &mut self.roughness,
-        };
-        let bytes = highlight::workspace_bytes(size)
-            .max(highlight::retexture_bytes(size))
-            .max(highlight::level_roughness_bytes(size));
-        step(&photo, &mut maps, self.f0, &super::fast(), &mut Arena::new(&mut vec![0; bytes]))
+        })
     }
 
     /// Bytes of workspace for any of the CRFs.
@@ -125,18 +109,18 @@ impl Sample {
     }
 
     pub(super) fn albedo_energy(&self) -> Albedo<'_> {
-        Albedo { size: self.truth.size, photo: &self.photo, albedo: &self.first.albedo }
+        Albedo { size: self.truth.size, photo: &self.photo.rgb, albedo: &self.first.albedo }
     }
 
     pub(super) fn normal_energy(&self) -> Normal<'_> {
-        Normal { size: self.truth.size, normal: &self.first.normal, albedo: &self.albedo }
+        Normal { size: self.truth.size, normal: &self.first.normal, albedo: &self.refined.albedo }
     }
 
     pub(super) fn roughness_energy(&self) -> Roughness<'_> {
         Roughness {
             size: self.truth.size,
-            photo: &self.photo,
-            albedo: &self.albedo,
+            photo: &self.photo.rgb,
+            albedo: &self.refined.albedo,
             network: &self.first.roughness,
             search: &self.searched,
             observability: Some(&self.observability),
@@ -144,7 +128,7 @@ impl Sample {
     }
 
     /// The map of `stage` as its CRF, with the mixture of `sets`, leaves it: the coefficients are learned from this.
-    pub(super) fn refined(&self, stage: Stage, sets: &Sets, workspace: &mut [u8]) -> Result<Vec<f32>, Error> {
+    pub(super) fn crf(&self, stage: Stage, sets: &Sets, workspace: &mut [u8]) -> Result<Vec<f32>, Error> {
         let mixed = Coefficients::mixed(sets, &self.probabilities);
         match stage {
             Stage::Albedo => refine(&self.albedo_energy(), &mixed.albedo, workspace),
@@ -156,45 +140,35 @@ impl Sample {
     /// Keeps the refined map of `stage`, filled in below highlights, for the stages after it; after the normals the
     /// roughness is searched.
     pub(super) fn advance(&mut self, stage: Stage, sets: &Sets, workspace: &mut [u8]) -> Result<(), Error> {
-        match stage {
+        let map = self.crf(stage, sets, workspace)?;
+        let step: HighlightStep = match stage {
             Stage::Albedo => {
-                self.albedo = self.refined(stage, sets, workspace)?;
-                self.below_highlights(highlight::retexture)?;
+                self.refined.albedo = map;
+                highlight::retexture
             }
             Stage::Normal => {
-                self.normal = self.refined(stage, sets, workspace)?;
-                self.search()?;
+                self.refined.normal = map;
+                return self.search();
             }
             Stage::Roughness => {
-                self.roughness = self.refined(stage, sets, workspace)?;
-                self.below_highlights(highlight::level_roughness)?;
+                self.refined.roughness = map;
+                highlight::level_roughness
             }
-        }
-        Ok(())
+        };
+        below_highlights(step, &self.photo, &mut self.refined, self.f0)
     }
 
+    /// Before the roughness is refined.
     fn search(&mut self) -> Result<(), Error> {
-        let size = self.truth.size;
-        let maps = OwnedMaps {
-            size,
-            albedo: self.albedo.clone(),
-            normal: self.normal.clone(),
-            roughness: self.first.roughness.clone(),
-        };
-        let photo = LinearImage {
-            size,
-            rgb: &self.photo,
-            clipped: &self.clipped,
-            fov_deg: self.fov_deg,
-            light_scale: self.light_scale,
-        };
-        let render = light::relight(&maps, self.f0, self.fov_deg, Vec3::Z, 1.0)?;
+        let (photo, maps) = (self.photo.image(), &self.refined);
+        let render = light::relight(maps, self.f0, photo.fov_deg, Vec3::Z, 1.0)?;
         let strength = search::light_scale(&photo, &render, &super::fast())?;
-        let (mut roughness, mut observability) = (vec![0.0; size * size], vec![0.0; size * size]);
+        let pixels = photo.size * photo.size;
+        let (mut roughness, mut observability) = (vec![0.0; pixels], vec![0.0; pixels]);
         search::roughness(
             &photo,
-            &self.albedo,
-            &self.normal,
+            &maps.albedo,
+            &maps.normal,
             self.f0,
             &Light { strength, ..Light::default() },
             &super::fast(),
@@ -204,6 +178,14 @@ impl Sample {
         (self.searched, self.observability) = (roughness, observability);
         Ok(())
     }
+}
+
+/// One of the highlight's steps over the maps as refined so far, in place.
+fn below_highlights(step: HighlightStep, photo: &Photo, maps: &mut OwnedMaps, f0: f32) -> Result<(), Error> {
+    let bytes = highlight::workspace_bytes(photo.size)
+        .max(highlight::retexture_bytes(photo.size))
+        .max(highlight::level_roughness_bytes(photo.size));
+    step(&photo.image(), &mut maps.view_mut(), f0, &super::fast(), &mut Arena::new(&mut vec![0; bytes]))
 }
 
 /// 1 where a pixel of the photo, as the pipeline sees it, is clipped.

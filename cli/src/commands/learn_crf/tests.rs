@@ -89,9 +89,9 @@ fn the_chain_is_the_shipped_one_bit_for_bit() {
     for stage in Stage::ALL {
         sample.advance(stage, &sets, &mut workspace).expect("advanced");
         let (ours, shipped) = match stage {
-            Stage::Albedo => (&sample.albedo, &capture.maps.albedo),
-            Stage::Normal => (&sample.normal, &capture.maps.normal),
-            Stage::Roughness => (&sample.roughness, &capture.maps.roughness),
+            Stage::Albedo => (&sample.refined.albedo, &capture.maps.albedo),
+            Stage::Normal => (&sample.refined.normal, &capture.maps.normal),
+            Stage::Roughness => (&sample.refined.roughness, &capture.maps.roughness),
         };
         assert!(ours == shipped, "{stage:?}");
     }
