@@ -190,7 +190,7 @@ fn build(model: &Model<'_>, size: usize) -> TractResult<Arc<TypedRunnableModel>>
                 let input = builder.join(model, name, &conv.sources)?;
                 let (window, shape) = (conv.window.get(), (conv.cin, conv.cout, 1));
                 let out = builder.conv(name, input, &window, shape, weights, conv.relu)?;
-                if conv.relu6 { builder.at_most_6(name, out)? } else { out }
+                if conv.relu6 { builder.scalar(name, math::min(), out, 6.0)? } else { out }
             }
             Op::Depthwise(layer) => {
                 let weights = match layer.float {
@@ -200,7 +200,7 @@ fn build(model: &Model<'_>, size: usize) -> TractResult<Arc<TypedRunnableModel>>
                 let (input, channels) = (builder.tensor(layer.source)?, layer.channels);
                 let shape = (channels, channels, channels);
                 let out = builder.conv(name, input, &layer.window.get(), shape, weights, layer.relu)?;
-                if layer.relu6 { builder.at_most_6(name, out)? } else { out }
+                if layer.relu6 { builder.scalar(name, math::min(), out, 6.0)? } else { out }
             }
             Op::MeanPool(pool) => {
                 let first = builder.mean(name, pool.source, graph.tensors()[pool.source].side(size))?;
@@ -347,28 +347,25 @@ impl Builder {
         let bias = self.constant(name, bias, &[cout])?;
         let op = Conv { pool_spec, kernel_fmt: KernelFormat::OHWI, group: groups, q_params: None };
         let sum = self.wire(name, op, &[input, weights, bias])?;
-        if relu { self.relu(name, sum) } else { Ok(sum) }
+        if relu { self.scalar(name, math::max(), sum, 0.0) } else { Ok(sum) }
     }
 
-    fn relu(&mut self, name: &str, input: OutletId) -> TractResult<OutletId> {
-        let unique = std::format!("{name}.{}", self.typed.nodes().len());
-        let zero = self.typed.add_const(unique, Tensor::from_shape(&[1, 1, 1, 1], &[0.0_f32])?)?;
-        self.wire(name, math::max(), &[input, zero])
-    }
-
-    fn at_most_6(&mut self, name: &str, input: OutletId) -> TractResult<OutletId> {
-        let unique = std::format!("{name}.{}", self.typed.nodes().len());
-        let six = self.typed.add_const(unique, Tensor::from_shape(&[1, 1, 1, 1], &[6.0_f32])?)?;
-        self.wire(name, math::min(), &[input, six])
+    /// `op` of every value and one number.
+    fn scalar(
+        &mut self,
+        name: &str,
+        op: impl Into<Box<dyn TypedOp>>,
+        input: OutletId,
+        number: f32,
+    ) -> TractResult<OutletId> {
+        let number = self.constant(name, vec![number], &[1, 1, 1, 1])?;
+        self.wire(name, op, &[input, number])
     }
 
     fn mean(&mut self, name: &str, source: usize, side: usize) -> TractResult<OutletId> {
         let input = self.tensor(source)?;
         let sum = self.wire(name, Reduce { axes: tvec!(1, 2), reducer: Reducer::Sum }, &[input])?;
-        let unique = std::format!("{name}.{}", self.typed.nodes().len());
-        let share = 1.0 / (side * side) as f32;
-        let share = self.typed.add_const(unique, Tensor::from_shape(&[1, 1, 1, 1], &[share])?)?;
-        self.wire(name, math::mul(), &[sum, share])
+        self.scalar(name, math::mul(), sum, 1.0 / (side * side) as f32)
     }
 
     /// A fully connected layer as a 1x1 convolution of one pixel.
