@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
@@ -65,20 +66,19 @@ def calibrate(network: Network, photos: list[Tensor], share: float = 0.99995) ->
         k = max(1, int(v.numel() * (1 - share)))
         tops.setdefault(name, []).append(float(v.topk(k).values[-1]))
 
-    watch(network, photos, look)
+    watch(network, blocks(network), photos, look)
     return {name: max(float(np.quantile(v, 0.98)), 1e-4) for name, v in tops.items()}
 
 
 @torch.no_grad()
-def watch(network: Network, photos: list[Tensor], look: Callable[[str, Tensor], None]) -> None:
-    """Runs the photos and shows every block's output to `look`, with the name of the tensor."""
-    hooks = [
-        block.register_forward_hook(lambda _m, _i, y, name=name: look(name, y))
-        for name, block in blocks(network).items()
-    ]
-    network.eval()
+def watch(
+    net: nn.Module, parts: Mapping[str, nn.Module], photos: list[Tensor], look: Callable[[str, Any], None]
+) -> None:
+    """Runs the photos through `net` and shows what each of its `parts` gives to `look`, with the part's name."""
+    hooks = [part.register_forward_hook(lambda _m, _i, y, name=name: look(name, y)) for name, part in parts.items()]
+    net.eval()
     for photo in photos:
-        network(photo)
+        net(photo)
     for h in hooks:
         h.remove()
 
@@ -129,7 +129,7 @@ def equalise(network: Network, photos: list[Tensor]) -> None:
     def look(name: str, y: Tensor) -> None:
         tops[name] = torch.maximum(tops[name], y.float().amax(dim=(0, 2, 3)))
 
-    watch(network, photos, look)
+    watch(network, named, photos, look)
     readers = consumers(network)
     for name, block in named.items():
         top = tops[name].clamp_min(1e-4)
@@ -235,14 +235,7 @@ def trunk_ranges(network: Network, photos: list[Tensor], share: float = 0.9999) 
         low.append(min(float(v.kthvalue(k).values), 0.0))
         high.append(float(v.topk(k).values[-1]))
 
-    hooks = [
-        layer.register_forward_hook(lambda _m, _i, y, name=name: look(name, y))
-        for name, layer in trunk_layers(network.trunk).items()
-    ]
-    for photo in photos:
-        network.trunk(photo)
-    for hook in hooks:
-        hook.remove()
+    watch(network.trunk, trunk_layers(network.trunk), photos, look)
     out = {}
     for name, (low, high) in ends.items():
         out[f"{name}.low"], out[name] = float(np.quantile(low, 0.02)), max(float(np.quantile(high, 0.98)), 1e-4)

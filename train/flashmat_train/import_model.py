@@ -19,7 +19,7 @@ import torch
 from torch import Tensor
 
 from . import checkpoint, modelfile
-from .export import blocks, calibration_photos, trunk_layers
+from .export import blocks, calibration_photos, trunk_layers, watch
 from .model import PRESETS, Network, NetworkConfig
 from .trunk import Bottleneck
 
@@ -60,16 +60,14 @@ def config_of(model: modelfile.Model) -> NetworkConfig:
 
 def real_weights(model: modelfile.Model, layer: modelfile.Conv | modelfile.Depthwise) -> tuple[Tensor, Tensor]:
     """Float weights (cout,cin,kh,kw) and bias of an int8 convolution, the sources' scales taken out of the weights."""
-    graph = model.graph
+    graph, step = model.graph, layer.weight_scale.astype(np.float64)
     if isinstance(layer, modelfile.Depthwise):
-        step = layer.weight_scale.astype(np.float64)
         weight = layer.weight_q * (step / graph.tensor(layer.source).scale)
         taps = torch.from_numpy(weight).permute(2, 0, 1)[:, None]
         return taps.float(), torch.from_numpy(layer.bias_q * step).float()
     scales = np.concatenate(
         [np.full(graph.tensor(s.tensor).channels, graph.tensor(s.tensor).scale) for s in layer.sources]
     )
-    step = layer.weight_scale.astype(np.float64)
     weight = layer.weight_q * step[:, None, None, None] / scales
     return torch.from_numpy(weight).permute(0, 3, 1, 2).float(), torch.from_numpy(layer.bias_q * step).float()
 
@@ -106,9 +104,8 @@ def network_of(model: modelfile.Model) -> Network:
 @torch.no_grad()
 def restore_norms(network: Network, photos: list[Tensor]) -> None:
     """Gives every batch norm the statistics of its convolution's outputs over `photos`; what it computes stays."""
-    sums = {
-        name: torch.zeros(3, block.conv.out_channels, dtype=torch.float64) for name, block in blocks(network).items()
-    }
+    named = blocks(network)
+    sums = {name: torch.zeros(3, block.conv.out_channels, dtype=torch.float64) for name, block in named.items()}
 
     def look(name: str, y: Tensor) -> None:
         y = y.double()
@@ -117,16 +114,8 @@ def restore_norms(network: Network, photos: list[Tensor]) -> None:
         )
         sums[name] += total
 
-    hooks = [
-        block.conv.register_forward_hook(lambda _m, _i, y, name=name: look(name, y))
-        for name, block in blocks(network).items()
-    ]
-    network.eval()
-    for photo in photos:
-        network(photo)
-    for hook in hooks:
-        hook.remove()
-    for name, block in blocks(network).items():
+    watch(network, {name: block.conv for name, block in named.items()}, photos, look)
+    for name, block in named.items():
         count, first, second = sums[name]
         mean = first / count
         variance = (second / count - mean.square()).clamp_min(1e-6)

@@ -158,9 +158,9 @@ class Network(nn.Module):
         read = (features[-1], *(features[i] for i in self.config.texture))
         return torch.cat([f.float().mean(dim=(2, 3)) for f in read], dim=1)
 
-    def evidence(self, x: Tensor, pooled: Tensor) -> Tensor:
-        """What the classifier reads: the trunk's means, else the encoder's. The trunk runs in single precision: on CPUs
-        depthwise convolutions in bf16 take ten times as long."""
+    def evidence(self, x: Tensor, pooled: Tensor | None) -> Tensor:
+        """What the classifier reads: the trunk's means, else the encoder's. The trunk runs in single precision: where
+        the CPU has no bf16 instructions, depthwise convolutions in bf16 take ten times as long."""
         if self.trunk is None:
             return pooled
         with torch.autocast(x.device.type, enabled=False):
@@ -168,7 +168,7 @@ class Network(nn.Module):
 
     def classify(self, x: Tensor) -> Tensor:
         """Class logits alone (variant `clsOnly`)."""
-        return self.classifier(self.evidence(x, self.encode(x)[1] if self.trunk is None else x))
+        return self.classifier(self.evidence(x, self.encode(x)[1] if self.trunk is None else None))
 
     def forward(self, x: Tensor) -> dict[str, Tensor]:
         """`albedo` (B,3,n,n), `normal` (B,3,n,n) unit, `roughness` (B,1,n,n), `class_logits` (B,8); with `config.room`
