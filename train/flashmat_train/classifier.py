@@ -1,7 +1,9 @@
 """The classifier on the pretrained trunk: fitted to rendered photos of the training materials, the trunk as it is.
 
 `python -m flashmat_train classifier --init RUN/last.pt --out RUN/class.pt`, then
-`train --init RUN/class.pt --freeze-classifier`: the heads get used to the new probabilities.
+`train --init RUN/class.pt --freeze-classifier`: the heads get used to the new probabilities. Of materials it was fitted
+to a classifier is right and sure far more often than of others. So `--folds K` also fits K classifiers, each to the
+materials without one fold; training then mixes each photo's maps by the one that has not seen the photo's material.
 
 Each photo is rendered at twice the training size and seen at both sizes, as the product sees photos. What varies is
 what varies in training (paper, "Material Classification": classes weighted by how rare they are).
@@ -25,7 +27,7 @@ from .data.batches import Crops, SceneOptions, render_batch
 from .data.pool import srgb_decode, srgb_encode
 from .model import PRESETS, Network, NetworkConfig
 from .render.envmap import Environments
-from .training.setup import AnyPool, load_pools
+from .training.setup import AnyPool, folded, load_pools
 from .training.validate import validation_set
 
 BATCH = 16
@@ -43,6 +45,7 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
     p.add_argument("--procedural", type=Path, help="folder of procedural materials")
     p.add_argument("--procedural-share", type=float, default=0.35)
     p.add_argument("--photos", type=int, default=6000)
+    p.add_argument("--folds", type=int, default=5, help="classifiers for training, each without one fold; 1: none")
     p.add_argument("--size", type=int, default=128, help="the smaller of the two sizes")
     p.add_argument("--seed", type=int, default=1)
     p.add_argument("--threads", type=int, default=0)
@@ -106,6 +109,25 @@ def fit(means: Tensor, cls: Tensor, hidden: int, seed: int) -> nn.Sequential:
     return nn.Sequential(first, nn.ReLU(), last)
 
 
+def observe(
+    sees: trunk.Trunk, pools: list[tuple[AnyPool, float]], env: Environments, args: argparse.Namespace
+) -> tuple[Tensor, Tensor, Tensor]:
+    """(N,2,width) the trunk's means of `args.photos` training photos, (N,) their classes and (N,) folds."""
+    means, classes, folds = [], [], []
+    count = max(1, args.folds)
+    bar = tqdm(total=args.photos, mininterval=10)
+    for k in range(count):
+        part = folded(pools, k, count) if count > 1 else pools
+        share = args.photos // count + (k < args.photos % count)
+        for x, cls in photos(part, env, 2 * args.size, share, args.seed + k):
+            means.append(evidence(sees, x).half())
+            classes.append(cls)
+            folds.append(torch.full_like(cls, k))
+            bar.update(len(cls))
+    bar.close()
+    return torch.cat(means), torch.cat(classes), torch.cat(folds)
+
+
 def run(args: argparse.Namespace) -> None:
     """Writes the checkpoint and prints the accuracy on the validation photos."""
     if args.threads:
@@ -120,12 +142,16 @@ def run(args: argparse.Namespace) -> None:
     trunk.load_pretrained(network.trunk, args.trunk or trunk.pretrained_file())
     sees = network.trunk.to(memory_format=torch.channels_last)
     pools, val_pool, env = load_pools(args)
-    size, seen, classes = 2 * args.size, [], []
-    total = -(-args.photos // BATCH)
-    for x, cls in tqdm(photos(pools, env, size, args.photos, args.seed), total=total, mininterval=10):
-        seen.append(evidence(sees, x).half())
-        classes.append(cls)
-    network.classifier = fit(torch.cat(seen), torch.cat(classes), config.classifier, args.seed)
+    size = 2 * args.size
+    means, cls, fold = observe(sees, pools, env, args)
+    network.classifier = fit(means, cls, config.classifier, args.seed)
+    state["folds"] = []
+    for k in range(args.folds if args.folds > 1 else 0):
+        others = fold != k
+        head = fit(means[others], cls[others], config.classifier, args.seed + k)
+        right = head(means[~others].float()).argmax(dim=2) == cls[~others, None]
+        print(f"without fold {k}: class {right.float().mean():.1%} of its photos")
+        state["folds"].append(head.state_dict())
     right: list[Tensor] = []
     for batch in validation_set(val_pool, env, size):
         logits = network.classifier(evidence(sees, batch.input)).detach()

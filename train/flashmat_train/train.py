@@ -18,7 +18,7 @@ import torch
 from .data.batches import Batch, Crops, SceneOptions, batches
 from .model import PRESETS, gmacs
 from .training.loop import Trainer, describe
-from .training.setup import check_arguments, configure, enter, leave, load_pools
+from .training.setup import AnyPool, check_arguments, configure, enter, folded, leave, load_pools
 from .training.validate import evaluate, validation_set
 
 __all__ = ["add_arguments", "evaluate", "load_pools", "run", "validation_set"]
@@ -76,6 +76,12 @@ def mixed(usual: Iterator[Batch], large: Iterator[Batch] | None, every: int, sta
         yield next(large if large is not None and (step + 1) % every == 0 else usual)
 
 
+def in_turn(sources: list[Iterator[Batch]], start: int) -> Iterator[Batch]:
+    """Batch n, from `start` on, of source n % len(sources), with that number as its fold."""
+    for n in itertools.count(start):
+        yield replace(next(sources[n % len(sources)]), fold=n % len(sources))
+
+
 def run(args: argparse.Namespace) -> None:
     """Trains, or goes on training where RUN/last.pt left off."""
     place = enter(args)
@@ -98,9 +104,17 @@ def run(args: argparse.Namespace) -> None:
         options = replace(options, environment=(0.5, 1.2), dark=0.0)
     env = env.to(place.device)
 
-    def photos(size: int, batch: int, start: int, seed: int) -> Iterator[Batch]:
+    def cut(pools: list[tuple[AnyPool, float]], size: int, batch: int, start: int, seed: int) -> Iterator[Batch]:
         crops = Crops(pools, size, seed, options.augment, total * batch * place.world)
         return batches(crops, env, options, batch, start, place.device, args.workers, place.rank, place.world)
+
+    def photos(size: int, batch: int, start: int, seed: int) -> Iterator[Batch]:
+        count = len(trainer.folds)
+        if not count:
+            return cut(pools, size, batch, start, seed)
+        starts = [(start + count - 1 - k) // count for k in range(count)]
+        parts = [cut(folded(pools, k, count), size, batch, starts[k], seed + 10_000 * (k + 1)) for k in range(count)]
+        return in_turn(parts, start)
 
     every, large = args.large_every, None
     if every:

@@ -216,6 +216,20 @@ def test_crops_of_a_class_are_blended_within_it() -> None:
     assert 10 < blends < 40
 
 
+def test_folds_part_the_materials_of_every_class() -> None:
+    materials = [replace(material(i, cls), name=str(i)) for i, cls in enumerate((0, 0, 3, 0, 3, 0, 3, 5))]
+    pool = Pool(materials)
+    parts = [pool.fold(k, 3) for k in range(3)]
+    assert sorted(name for p in parts for name in p.names) == sorted(pool.names)
+    for cls, count in ((0, 4), (3, 3), (5, 1)):
+        shares = [int((p.classes == cls).sum()) for p in parts]
+        assert sum(shares) == count and max(shares) - min(shares) <= 1
+    for p in parts:
+        assert p.weight.sum() == pytest.approx(1) and len(p.levels) == len(p.classes) == len(p)
+        for name, levels in zip(p.names, p.levels, strict=True):
+            assert levels[0] is pool.levels[pool.names.index(name)][0]
+
+
 def test_rooms_are_even_and_known() -> None:
     """The room's light that a batch tells is what the photo was lit with: its own share of a flat white plane."""
     white = torch.cat((torch.ones(3, 128, 128), torch.zeros(2, 128, 128), torch.ones(2, 128, 128)))

@@ -60,6 +60,37 @@ def test_resume_is_bit_for_bit(data_folder: Path, tmp_path: Path) -> None:
     assert curves.draw(tmp_path / "whole").stat().st_size > 1000
 
 
+def test_folds_see_classifiers_that_do_not_know_them(data_folder: Path, tmp_path: Path) -> None:
+    """Photos of fold k are mixed by classifier k; the average keeps the classifier itself; a stop changes nothing."""
+    network = Network(PRESETS["tiny"])
+    heads = [{k: v + i + 1 for k, v in network.classifier.state_dict().items()} for i in range(2)]
+    first = tmp_path / "init.pt"
+    checkpoint.save({"config": PRESETS["tiny"].asdict(), "ema": network.state_dict(), "folds": heads}, first)
+    used: list[float] = []
+    hook = torch.nn.modules.module.register_module_forward_pre_hook(
+        lambda module, _: (
+            used.append(float((module.classifier[2].bias - network.classifier[2].bias).detach().mean()))
+            if isinstance(module, Network) and module.training
+            else None
+        )
+    )
+    plan = ("--samples", "12", "--save-every", "3", "--eval-every", "9", "--init", str(first), "--freeze-classifier")
+    try:
+        run(arguments(data_folder, tmp_path / "whole", *plan))
+        assert [round(x) for x in used] == [1, 2, 1, 2, 1, 2]
+        stopped = arguments(data_folder, tmp_path / "parts", *plan)
+        stopped.minutes = 1e-9
+        run(stopped)
+        run(arguments(data_folder, tmp_path / "parts", *plan))
+    finally:
+        hook.remove()
+    whole, parts = (checkpoint.load(tmp_path / name / "last.pt") for name in ("whole", "parts"))
+    same(whole["ema"], parts["ema"], "average")
+    for k, v in network.classifier.state_dict().items():
+        assert torch.equal(whole["ema"][f"classifier.{k}"], v), k
+    assert not torch.equal(whole["ema"]["encoder.0.conv.weight"], network.state_dict()["encoder.0.conv.weight"])
+
+
 def test_larger_photos_come_in_turn_and_resume(data_folder: Path, tmp_path: Path) -> None:
     """Every second step sees one photo of 256² in place of four of 128²; a stop between changes nothing."""
     sizes: list[tuple[int, ...]] = []

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,12 +10,15 @@ import numpy as np
 import pytest
 import torch
 import torch.nn.functional as F
+from small_data import material, sky
 from torch import Tensor
 
 from flashmat_train import classifier, modelfile, trunk
+from flashmat_train.data.pool import Pool
 from flashmat_train.export import build, calibrate, trunk_ranges
 from flashmat_train.int8_reference import run_float, run_int8
 from flashmat_train.model import PRESETS, Network, gmacs
+from flashmat_train.render.envmap import Environments, Source
 
 COUNT = 5
 
@@ -130,6 +134,18 @@ def test_int8_classes_are_the_float_ones(network: Network) -> None:
     error = np.abs(got.tensors["pooled0"] - means)
     assert error.mean() < 0.03 * means.std(), (error.mean(), means.std())
     assert np.abs(got.tensors["logits"] - logits).max() < 0.1 * (1 + np.ptp(logits))
+
+
+def test_photos_of_a_fold_are_of_its_materials(network: Network) -> None:
+    """Materials of one class each: a fold's photos have the classes of that fold's materials."""
+    pools = [(Pool([material(i, i) for i in range(8)] + [material(8 + i, i) for i in range(4)]), 1.0)]
+    env = Environments([Source.of(sky(1))], 1, 0)
+    args = argparse.Namespace(photos=33, folds=2, size=64, seed=5)
+    means, cls, fold = classifier.observe(network.trunk, pools, env, args)
+    assert means.shape == (33, 2, trunk.width(COUNT)) and torch.isfinite(means.float()).all()
+    assert torch.bincount(fold).tolist() == [17, 16]
+    assert set(cls[fold == 1].tolist()) <= set(range(4)), "only the first four classes have a second material"
+    assert len(set(cls[fold == 0].tolist())) > 4
 
 
 def test_a_classifier_is_fitted_and_reads_the_means_as_they_are() -> None:

@@ -89,6 +89,7 @@ class Batch:
     view: Tensor  # (B,3,n,n)
     light: Tensor  # (B,3) the flash
     novel: Tensor  # (B,2,3) lights not in the photo
+    fold: int | None = None  # which fold of the materials, if they are told apart (`Pool.fold`)
 
 
 def render_batch(

@@ -6,6 +6,7 @@ appendix "Details of Data Augmentation"). Materials wrap around: nearly all of t
 
 from __future__ import annotations
 
+import copy
 import math
 from collections.abc import Callable
 
@@ -73,6 +74,17 @@ class Pool:
 
     def __len__(self) -> int:
         return len(self.levels)
+
+    def fold(self, k: int, count: int) -> Pool:
+        """The materials of fold `k` of `count`: of each class every `count`-th; a view, nothing is copied."""
+        rank = np.array([np.count_nonzero(self.classes[:i] == c) for i, c in enumerate(self.classes)], dtype=int)
+        keep = np.flatnonzero(rank % count == k)
+        part = copy.copy(self)
+        part.levels = [self.levels[i] for i in keep]
+        part.names = [self.names[i] for i in keep]
+        part.classes = self.classes[keep]
+        part.weight = self.weight[keep] / self.weight[keep].sum()
+        return part
 
     def draw(self, rng: np.random.Generator, size: int, cls: int | None = None) -> tuple[Tensor, int]:
         """A random crop (7,size,size) float (linear albedo, unit normal, roughness), and its class; of class `cls` if

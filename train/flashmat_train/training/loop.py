@@ -12,7 +12,7 @@ from dataclasses import asdict
 
 import torch
 import torch.distributed as dist
-from torch import nn
+from torch import Tensor, nn
 from torch.nn.parallel import DistributedDataParallel
 from torch.utils.tensorboard import SummaryWriter
 from tqdm import tqdm
@@ -68,6 +68,7 @@ class Trainer:
         self.before = 0  # samples that the weights of --init had seen
         self.network: Network
         self.learner: Learner
+        self.folds: list[dict[str, Tensor]] = []  # classifiers, each of which has not seen one fold of the materials
         self.weights = class_weights(pools).to(place.device)
 
     def build(self, config: NetworkConfig) -> None:
@@ -86,11 +87,13 @@ class Trainer:
                     f"--preset {args.preset} --variant {args.variant}; go on with its own, or give another --out"
                 )
             self.learner.load(state)
+            self.folds = state.get("folds", [])
             self.start, self.seconds = state["step"], state["seconds"]
             self.before = state.get("before", 0)
         elif args.init:
             state = checkpoint.load(args.init)
             self.before = state.get("samples", 0)
+            self.folds = state.get("folds", []) if args.freeze_classifier else []
             try:
                 fresh = {k: v for k, v in self.network.state_dict().items() if k.startswith("room.")}
                 self.network.load_state_dict(fresh | state["ema"])
@@ -132,6 +135,8 @@ class Trainer:
             watch.mark()
             batch = next(source)
             watch.mark()
+            if batch.fold is not None:  # parameters that do not learn: the average keeps the classifier itself
+                self.network.classifier.load_state_dict(self.folds[batch.fold])
             lr = learning_rate(step, total, args.lr, args.warmup)
             learner.step(forward, batch, not args.no_bf16, lr, step)
             watch.mark()
@@ -185,6 +190,7 @@ class Trainer:
             "size": args.size,
             "top_size": 2 * args.size if args.large_every else 0,
             "seconds": seconds,
+            "folds": self.folds,
         }
         checkpoint.save(state, self.path, args.split_checkpoint)
 

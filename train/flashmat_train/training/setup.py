@@ -104,6 +104,18 @@ def load_pools(args: argparse.Namespace) -> tuple[list[tuple[AnyPool, float]], P
     return pools, Pool(val), env
 
 
+def folded(pools: list[tuple[AnyPool, float]], k: int, count: int) -> list[tuple[AnyPool, float]]:
+    """The same shares of fold `k` of `count` of each pool."""
+    parts = []
+    for pool, share in pools:
+        if not isinstance(pool, Pool):
+            raise SystemExit("--procedural-fresh has no folds; give --procedural, or an --init without folds")
+        parts.append((pool.fold(k, count), share))
+        if not len(parts[-1][0]):
+            raise SystemExit(f"fold {k} of {count} is empty: {len(pool)} materials are too few for so many folds")
+    return parts
+
+
 def class_weights(pools: list[tuple[AnyPool, float]]) -> Tensor:
     """Inverse to how often a class is drawn, mean 1 (paper, "Material Classification")."""
     freq = np.zeros(len(CLASSES))

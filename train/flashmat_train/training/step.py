@@ -36,16 +36,19 @@ class Step(nn.Module):
 
 
 class Ema:
-    """Exponential moving average of all weights and statistics, warmed up."""
+    """Exponential moving average of all weights that learn and of all statistics, warmed up."""
 
     def __init__(self, network: nn.Module, decay: float):
         self.decay = decay
+        self.fixed = {k for k, p in network.named_parameters() if not p.requires_grad}
         self.state = {k: v.detach().clone() for k, v in network.state_dict().items()}
 
     def update(self, network: nn.Module, step: int) -> None:
         """Takes the weights of `network` after step `step` in."""
         d = min(self.decay, (1 + step) / (10 + step))
         for k, v in network.state_dict().items():
+            if k in self.fixed:
+                continue
             if v.dtype.is_floating_point:
                 self.state[k].lerp_(v.detach(), 1 - d)
             else:
