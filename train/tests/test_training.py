@@ -7,12 +7,15 @@ import json
 import os
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 import pytest
 import torch
 from small_data import material, sky
+from torch import Tensor
 
 from flashmat_train import checkpoint, curves
 from flashmat_train.data.batches import SceneOptions, render_batch
@@ -23,6 +26,8 @@ from flashmat_train.render.camera import CameraNoise
 from flashmat_train.render.envmap import Environments, Source
 from flashmat_train.train import add_arguments, run
 from flashmat_train.training.step import Learner, Step
+
+Seen = TypeVar("Seen")
 
 
 def arguments(data: Path, out: Path, *more: str) -> argparse.Namespace:
@@ -60,31 +65,40 @@ def test_resume_is_bit_for_bit(data_folder: Path, tmp_path: Path) -> None:
     assert curves.draw(tmp_path / "whole").stat().st_size > 1000
 
 
+def whole_and_parts(
+    data: Path, out: Path, look: Callable[[Network, Tensor], Seen], *plan: str
+) -> tuple[dict, dict, list[Seen]]:
+    """Checkpoints of a run at one go and of one that stopped after its first step and went on; and what `look` gives
+    for the network and its input at each training step of both, in order."""
+    seen: list[Seen] = []
+    hook = torch.nn.modules.module.register_module_forward_pre_hook(
+        lambda module, inputs: (
+            seen.append(look(module, inputs[0])) if isinstance(module, Network) and module.training else None
+        )
+    )
+    try:
+        run(arguments(data, out / "whole", *plan))
+        stopped = arguments(data, out / "parts", *plan)
+        stopped.minutes = 1e-9
+        run(stopped)
+        run(arguments(data, out / "parts", *plan))
+    finally:
+        hook.remove()
+    return checkpoint.load(out / "whole" / "last.pt"), checkpoint.load(out / "parts" / "last.pt"), seen
+
+
 def test_folds_see_classifiers_that_do_not_know_them(data_folder: Path, tmp_path: Path) -> None:
     """Photos of fold k are mixed by classifier k; the average keeps the classifier itself; a stop changes nothing."""
     network = Network(PRESETS["tiny"])
     heads = [{k: v + i + 1 for k, v in network.classifier.state_dict().items()} for i in range(2)]
     first = tmp_path / "init.pt"
     checkpoint.save({"config": PRESETS["tiny"].asdict(), "ema": network.state_dict(), "folds": heads}, first)
-    used: list[float] = []
-    hook = torch.nn.modules.module.register_module_forward_pre_hook(
-        lambda module, _: (
-            used.append(float((module.classifier[2].bias - network.classifier[2].bias).detach().mean()))
-            if isinstance(module, Network) and module.training
-            else None
-        )
-    )
     plan = ("--samples", "12", "--save-every", "3", "--eval-every", "9", "--init", str(first), "--freeze-classifier")
-    try:
-        run(arguments(data_folder, tmp_path / "whole", *plan))
-        assert [round(x) for x in used] == [1, 2, 1, 2, 1, 2]
-        stopped = arguments(data_folder, tmp_path / "parts", *plan)
-        stopped.minutes = 1e-9
-        run(stopped)
-        run(arguments(data_folder, tmp_path / "parts", *plan))
-    finally:
-        hook.remove()
-    whole, parts = (checkpoint.load(tmp_path / name / "last.pt") for name in ("whole", "parts"))
+    bias = network.classifier[2].bias
+    whole, parts, used = whole_and_parts(
+        data_folder, tmp_path, lambda net, _: round(float((net.classifier[2].bias - bias).detach().mean())), *plan
+    )
+    assert used == [1, 2] * 6
     same(whole["ema"], parts["ema"], "average")
     for k, v in network.classifier.state_dict().items():
         assert torch.equal(whole["ema"][f"classifier.{k}"], v), k
@@ -93,25 +107,9 @@ def test_folds_see_classifiers_that_do_not_know_them(data_folder: Path, tmp_path
 
 def test_larger_photos_come_in_turn_and_resume(data_folder: Path, tmp_path: Path) -> None:
     """Every second step sees one photo of 256² in place of four of 128²; a stop between changes nothing."""
-    sizes: list[tuple[int, ...]] = []
-    hook = torch.nn.modules.module.register_module_forward_pre_hook(
-        lambda module, inputs: (
-            sizes.append(tuple(inputs[0].shape[:1] + inputs[0].shape[-1:]))
-            if isinstance(module, Network) and module.training
-            else None
-        )
-    )
     plan = ("--samples", "16", "--large-every", "2", "--save-every", "3", "--eval-every", "4", "--batch", "4")
-    try:
-        run(arguments(data_folder, tmp_path / "whole", *plan))
-        stopped = arguments(data_folder, tmp_path / "parts", *plan)
-        stopped.minutes = 1e-9
-        run(stopped)
-        run(arguments(data_folder, tmp_path / "parts", *plan))
-    finally:
-        hook.remove()
+    whole, parts, sizes = whole_and_parts(data_folder, tmp_path, lambda _, x: (len(x), x.shape[-1]), *plan)
     assert sizes == [(4, 128), (1, 256)] * 4
-    whole, parts = (checkpoint.load(tmp_path / name / "last.pt") for name in ("whole", "parts"))
     same(whole["network"], parts["network"], "network")
 
 
