@@ -2,6 +2,7 @@
 use crate::engine::Timings;
 use flashmat_core::maps::{Maps, MapsMut};
 use flashmat_core::net::Class;
+use glam::Vec3;
 
 /// Owned maps; units as in [`Maps`].
 #[derive(Clone, Debug)]
@@ -42,6 +43,8 @@ pub(crate) struct Material {
     pub(crate) f0: f32,
     /// The flash's strength times the photo's exposure.
     pub(crate) light_scale: f32,
+    /// Where the flash is, in plane units: the plane is z = 0, the camera at (0,0,1).
+    pub(crate) flash: Vec3,
     /// The room's even light as a share of the flash's, [0,1].
     pub(crate) room_light: f32,
     /// RMSE of re-render against photo, gamma 2.2, clipped pixels left out.

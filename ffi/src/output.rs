@@ -116,5 +116,6 @@ pub(crate) fn report(capture: &Capture<'_>) -> flashmat_report {
             residual: report.residual,
         }),
         room_light: capture.room_light,
+        flash: capture.photo.flash.to_array(),
     }
 }

@@ -325,6 +325,9 @@ pub struct flashmat_report {
     /// Even light that the re-render adds to the flash's, as a share of the flash's at the centre, in [0,1]: it adds
     /// light_scale * room_light * albedo. Fitted with light_scale, no measurement of the room.
     pub room_light: f32,
+    /// Where the re-render's flash is, fitted to the photo: x, y, z in plane units. The plane is z = 0, x to the
+    /// right, y up, the camera at (0,0,1).
+    pub flash: [f32; 3],
 }
 
 macro_rules! layout {
@@ -352,6 +355,6 @@ layout!(flashmat_buffer: 8, 16, data at 0, 0; bytes at 4, 8);
 layout!(flashmat_maps: 56, 104, struct_size at 0, 0; format at 4, 4; albedo at 8, 8; normal at 16, 24;
     roughness at 24, 40; render at 32, 56; photo at 40, 72; observability at 48, 88);
 layout!(flashmat_solver: 8, 8, iterations at 0, 0; residual at 4, 4);
-layout!(flashmat_report: 84, 84, struct_size at 0, 0; material_class at 4, 4; probabilities at 8, 8;
+layout!(flashmat_report: 96, 96, struct_size at 0, 0; material_class at 4, 4; probabilities at 8, 8;
     light_scale at 40, 40; residual at 44, 44; f0 at 48, 48; fov_deg at 52, 52; solver at 56, 56;
-    room_light at 80, 80);
+    room_light at 80, 80; flash at 84, 84);

@@ -5,6 +5,7 @@ use flashmat_core::frame::LinearImage;
 use flashmat_core::maps::MapsMut;
 use flashmat_core::net::{Class, ClassProbabilities, Classification, Mixing, Network, Tap};
 use flashmat_core::{Error, Silent};
+use glam::Vec3;
 
 /// Memory of a network run, to be used again and again.
 #[derive(Clone, Debug)]
@@ -55,6 +56,7 @@ impl NetRun {
             clipped: &self.clipped,
             fov_deg: 43.35,
             light_scale: self.light_scale,
+            flash: Vec3::Z,
         };
         let mut maps = MapsMut {
             size: self.size,

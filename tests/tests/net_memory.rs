@@ -48,6 +48,7 @@ fn a_run_allocates_nothing_and_keeps_to_its_workspace() {
         clipped: &clipped,
         fov_deg: 43.35,
         light_scale: None,
+        flash: glam::Vec3::Z,
     };
     let mut workspace = vec![0; network.workspace_bytes() / 2];
     let mut maps = flashmat_core::maps::MapsMut {

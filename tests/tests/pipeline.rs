@@ -25,8 +25,9 @@ fn photo() -> Vec<u8> {
 fn bits(capture: &Capture<'_>) -> Vec<u32> {
     let maps = capture.maps;
     let planes = [maps.albedo, maps.normal, maps.roughness, capture.render, capture.observability];
-    let scalars = [capture.light_scale, capture.room_light, capture.residual];
-    planes.into_iter().flatten().chain(&scalars).map(|v| v.to_bits()).collect()
+    let lights = [capture.light_scale, capture.room_light, capture.residual];
+    let scalars = lights.into_iter().chain(capture.photo.flash.to_array());
+    planes.into_iter().flatten().copied().chain(scalars).map(f32::to_bits).collect()
 }
 
 fn pipeline(kernels: &'static Kernels) -> Pipeline<'static> {

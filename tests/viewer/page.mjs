@@ -16,7 +16,7 @@ async function main() {
   const scene = (await new GLTFLoader().loadAsync("/maps/material.glb")).scene;
   // Irradiance is intensity / distance²; Flashmat's is pi * strength / distance².
   const flash = new THREE.PointLight(0xffffff, Math.PI * report.light_scale, 0, 2);
-  flash.position.set(0, 0, 1);
+  flash.position.set(...report.flash);
   scene.add(flash);
   // Even light of irradiance pi * room * the flash's, which the diffuse part reflects.
   const room = new THREE.AmbientLight(0xffffff, Math.PI * report.light_scale * report.room_light);

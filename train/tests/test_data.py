@@ -234,7 +234,7 @@ def test_rooms_are_even_and_known() -> None:
     """The room's light that a batch tells is what the photo was lit with: its own share of a flat white plane."""
     white = torch.cat((torch.ones(3, 128, 128), torch.zeros(2, 128, 128), torch.ones(2, 128, 128)))
     options = SceneOptions(
-        camera=CameraNoise(plain=1.0), tilt_sigma=0.0, light_sigma=0.0, fov_exact=1.0, environment=(0.0, 0.8)
+        camera=CameraNoise(plain=1.0), tilt_sigma=0.0, light_sigma=0.0, beside=0.0, fov_exact=1.0, environment=(0.0, 0.8)
     )
     env = Environments([Source.of(sky(1))], 1, 0)
     rooms = []
@@ -250,6 +250,32 @@ def test_rooms_are_even_and_known() -> None:
         assert torch.allclose(light[0] - light[1], 0.25 * told, rtol=0.35, atol=0.01)
         rooms += told.tolist()
     assert min(rooms) >= 0 and max(rooms) <= 0.8 and 0.25 < float(np.mean(rooms)) < 0.55
+
+
+def test_half_of_the_flashes_are_beside_the_camera() -> None:
+    """The share, the reach, and every direction; a flat glossy plane mirrors such a flash half way from the centre."""
+    gloss = torch.zeros(7, 128, 128)
+    gloss[:3], gloss[5], gloss[6] = 0.05, 1.0, 0.2
+    count = 64
+    maps, cls = gloss.expand(count, 7, 128, 128), torch.zeros(count, dtype=torch.long)
+    options = SceneOptions(
+        camera=CameraNoise(plain=1.0), tilt_sigma=0.0, light_sigma=0.0, fov_exact=1.0, environment=(0.0, 0.0),
+        second_lobe=0.0,
+    )  # fmt: skip
+    env = Environments([Source.of(sky(1))], 1, 0)
+    batch = render_batch(maps, cls, env, options, np.random.default_rng(4))
+    beside = batch.light[:, :2]
+    radius = beside.norm(dim=1)
+    assert torch.equal(batch.light[:, 2], torch.ones(count))
+    away = radius > 0
+    assert 0.3 * count < int(away.sum()) < 0.7 * count and 0.15 < float(radius.max()) <= options.beside_reach
+    assert {(bool(x > 0), bool(y > 0)) for x, y in beside[away]} == {(a, b) for a in (False, True) for b in (False, True)}
+    light = srgb_decode(batch.input[:, :3]).mean(dim=1)
+    weight = (light - light.amax(dim=(1, 2), keepdim=True) * 0.7).clamp_min(0)[:, None]
+    place = (batch.points[:, :2] * weight).sum(dim=(2, 3)) / weight.sum(dim=(2, 3))
+    assert torch.allclose(place, beside / 2, atol=0.02)
+    none = render_batch(maps, cls, env, replace(options, beside=0.0), np.random.default_rng(4))
+    assert not none.light[:, :2].any()
 
 
 def test_batches_do_not_depend_on_workers_or_start() -> None:

@@ -182,7 +182,7 @@ def one_batch() -> tuple:
     pool = Pool([material(3)])
     env = Environments([Source.of(sky(1))], 1, 0)
     crop = pool.crop(0, 128, 0.9, 0.0, False, (0.5, 0.5))
-    options = SceneOptions(camera=CameraNoise(plain=1.0), tilt_sigma=0.0, light_sigma=0.0, fov_exact=1.0)
+    options = SceneOptions(camera=CameraNoise(plain=1.0), tilt_sigma=0.0, light_sigma=0.0, beside=0.0, fov_exact=1.0)
     rng = np.random.default_rng(0)
     return render_batch(torch.stack([crop] * 2), torch.zeros(2, dtype=torch.long), env, options, rng), crop
 

@@ -175,6 +175,7 @@ fn capture(case: &Case, planes: &[Vec<u8>]) -> Result<(Vec<f32>, Vec<f32>), Erro
     numbers.extend(capture.solver.map(|report| report.iterations as f32));
     numbers.extend(capture.solver.map(|report| report.residual));
     numbers.push(capture.room_light);
+    numbers.extend(capture.photo.flash.to_array());
     let maps = [
         capture.maps.albedo,
         capture.maps.normal,

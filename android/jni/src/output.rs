@@ -10,7 +10,7 @@ use flashmat_core::pipeline::Capture;
 pub(crate) const PLANES: usize = 14;
 /// Numbers: 8 probabilities, class, F0, light scale, residual, field of view, 3 x iterations, 3 x solver residual, room
 /// light.
-pub(crate) const NUMBERS: usize = 20;
+pub(crate) const NUMBERS: usize = 23;
 
 /// Bytes of the maps' buffer, in 64 bits: `size` comes from Java.
 fn needed(size: usize) -> u64 {
@@ -72,7 +72,8 @@ pub(crate) fn numbers(capture: &Capture<'_>) -> [f32; NUMBERS] {
         .chain(scalars)
         .chain(iterations)
         .chain(residuals)
-        .chain([capture.room_light]);
+        .chain([capture.room_light])
+        .chain(capture.photo.flash.to_array());
     numbers.iter_mut().zip(all).for_each(|(number, value)| *number = value);
     numbers
 }

@@ -168,6 +168,7 @@ impl<'m> Engine<'m> {
             probabilities: capture.probabilities.0,
             f0: capture.f0,
             light_scale: capture.light_scale,
+            flash: capture.photo.flash,
             room_light: capture.room_light,
             residual: capture.residual,
             timings_ms,

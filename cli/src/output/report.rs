@@ -1,6 +1,7 @@
 //! `report.json`: what was found, with which model, how long it took. The fields are a contract (see the README).
 use crate::engine::{Facts, Timings};
 use crate::material::Material;
+use glam::Vec3;
 use serde::{Deserialize, Serialize};
 use std::io::{self, Write};
 
@@ -14,6 +15,9 @@ pub(crate) struct Report {
     pub(crate) size: usize,
     pub(crate) class: Class,
     pub(crate) light_scale: f32,
+    /// Where the flash is, in plane units: the plane is z = 0, the camera at (0,0,1).
+    #[serde(default = "default_flash")]
+    pub(crate) flash: [f32; 3],
     /// The room's even light as a share of the flash's at the centre, [0,1].
     #[serde(default)]
     pub(crate) room_light: f32,
@@ -71,6 +75,11 @@ fn default_fov() -> f32 {
     flashmat_core::frame::FieldOfView::TARGET_DEG
 }
 
+/// At the camera.
+fn default_flash() -> [f32; 3] {
+    Vec3::Z.to_array()
+}
+
 fn default_f0() -> f32 {
     flashmat_core::brdf::F0_DIELECTRIC
 }
@@ -87,6 +96,7 @@ impl Report {
                 probabilities: material.probabilities.into(),
             },
             light_scale: material.light_scale,
+            flash: material.flash.to_array(),
             room_light: material.room_light,
             residual: material.residual,
             fov_deg: material.fov_deg,

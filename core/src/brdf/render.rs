@@ -6,6 +6,7 @@
 use super::Angles;
 use crate::Error;
 use crate::exec::{Executor, ROWS_PER_BLOCK, for_each_row_block, planes3};
+use crate::frame::LinearImage;
 use crate::frame::geometry::Geometry;
 use crate::lanes::{LANES, Lanes, load, load3, store};
 use crate::maps::{Maps, check_planes, plane_row};
@@ -43,6 +44,12 @@ impl Scene {
     #[must_use]
     pub fn flash(fov_deg: f32, strength: f32) -> Self {
         Self { fov_deg, light: Light { strength, ..Light::default() } }
+    }
+
+    /// The scene of a photo: its field of view, and its flash at strength 1.
+    #[must_use]
+    pub fn of(photo: &LinearImage<'_>) -> Self {
+        Self { fov_deg: photo.fov_deg, light: Light { position: photo.flash, strength: 1.0 } }
     }
 
     pub(crate) fn check(&self) -> Result<(), Error> {

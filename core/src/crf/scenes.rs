@@ -5,6 +5,7 @@ use crate::frame::LinearImage;
 use crate::math::{cosf, expf, floorf, sinf, sqrtf};
 use alloc::vec;
 use alloc::vec::Vec;
+use glam::Vec3;
 
 /// Field of view of the scenes, in degrees.
 pub const FOV: f32 = 43.35;
@@ -139,6 +140,7 @@ impl Scene {
             clipped: &self.clipped,
             fov_deg: FOV,
             light_scale: None,
+            flash: Vec3::Z,
         }
     }
 

@@ -24,6 +24,7 @@ use crate::arena::Arena;
 use crate::exec::Executor;
 use crate::math::{atanf, sqrtf, tanf};
 use crate::{Error, maps};
+use glam::Vec3;
 use pixels::Pixels;
 
 /// Largest side of a prepared image, in pixels.
@@ -304,6 +305,9 @@ pub struct LinearImage<'a> {
     /// Linear value that a flat white Lambertian surface at the centre would have under the flash alone, if the caller
     /// knows it (design: exposure times the flash's strength); positive.
     pub light_scale: Option<f32>,
+    /// Where the flash is, in plane units: the plane is z = 0, the camera at (0,0,1), and there the flash is too as far as
+    /// nothing is known of it ([`search::flash_position`](crate::search::flash_position)).
+    pub flash: Vec3,
 }
 
 impl LinearImage<'_> {
@@ -354,5 +358,5 @@ pub fn prepare<'a>(
         geometry::rotate_square(plane, size, frame.rotation);
     }
     geometry::rotate_square(clipped, size, frame.rotation);
-    Ok(LinearImage { size, rgb, clipped, fov_deg: crop.fov_deg, light_scale: None })
+    Ok(LinearImage { size, rgb, clipped, fov_deg: crop.fov_deg, light_scale: None, flash: Vec3::Z })
 }

@@ -8,8 +8,8 @@
 //! On a grid of at most [`GRID`] x [`GRID`] cells the filled albedo x minimises sum w_i (x_i - u_i)² + [`SMOOTH`] sum (x_i -
 //! x_j)² over neighbours: u the network's albedo, w the mean over the cell of (1 - s)², s the specular share of a pixel's
 //! light. Two estimates bound s, and both must agree: what the photo has above the diffuse render (scaled by the median over
-//! the pixels), and [`TRUST`] times what the BRDF has. The flash is at the camera, so highlights of a flat material lie near
-//! the centre, and s falls off as exp(-(r²/[`REACH`])²). The system is solved exactly (banded Cholesky); the filled albedo then
+//! the pixels), and [`TRUST`] times what the BRDF has. Highlights of a flat material lie near the point where a flat mirror would show
+//! the flash, and s falls off with the distance r from there as exp(-(r²/[`REACH`])²). The system is solved exactly (banded Cholesky); the filled albedo then
 //! shows the highlight better, so all is done twice. Where filling in would change the brightness by [`MOST`] or more it is
 //! rather the material that changes, a dark patch beside a white one, and little is done.
 //!
@@ -26,9 +26,10 @@ pub use texture::{retexture, retexture_bytes};
 use crate::Error;
 use crate::arena::{Arena, bytes_for};
 use crate::brdf::{self, Scene};
-use crate::crf::{banded, feature::radius_squared};
+use crate::crf::banded;
 use crate::exec::Executor;
 use crate::frame::LinearImage;
+use crate::frame::geometry::Geometry;
 use crate::maps::{Maps, MapsMut};
 use crate::math::{expf, log2f, powf};
 use crate::pyramid::{Pair, shrink, shrunk};
@@ -39,7 +40,7 @@ pub const GRID: usize = 32;
 pub const SMOOTH: f32 = 2.0;
 /// How much more specular than the BRDF says a pixel may be.
 pub const TRUST: f32 = 1.5;
-/// Squared distance from the centre, the half side 1, within which highlights lie.
+/// Squared distance from where a mirror would show the flash, the half side 1, within which highlights lie.
 pub const REACH: f32 = 0.6;
 /// Pixels per side at which photo and renders are compared.
 const SEEN: usize = 128;
@@ -89,7 +90,7 @@ impl<'a> Look<'a> {
         arena: &mut Arena<'a>,
     ) -> Result<Self, Error> {
         let (n, (m, _)) = (maps.size, sizes(maps.size));
-        let scene = Scene::flash(photo.fov_deg, 1.0);
+        let scene = Scene::of(photo);
         let albedo = shrunk(maps.albedo, n, m, exec, arena)?;
         let normal = &*shrunk(maps.normal, n, m, exec, arena)?;
         let roughness = &*shrunk(maps.roughness, n, m, exec, arena)?;
@@ -109,8 +110,11 @@ impl<'a> Look<'a> {
         let black = &*arena.zeroed(3 * m * m)?;
         brdf::render(&Maps { size: m, albedo: black, normal, roughness }, f0, &scene, exec, colour)?;
         brightness(colour, specular, exec);
+        let geometry = Geometry::new(m, photo.fov_deg);
+        // Where a flat mirror shows the flash, which is the centre if the flash is at the camera.
+        let mirrored = photo.flash.truncate() / ((1.0 + photo.flash.z) * geometry.half_tan());
         for (i, near) in near.iter_mut().enumerate() {
-            let radius = radius_squared(i % m, i / m, m) / REACH;
+            let radius = (geometry.position(i / m, i % m) - mirrored).length_squared() / REACH;
             *near = expf(-radius * radius);
         }
         Ok(Self {
@@ -305,7 +309,9 @@ fn fill(low: &[f32], weight: &[f32], g: usize, filled: &mut [f32], matrix: &mut 
 mod tests {
     use super::*;
     use crate::brdf::Light;
+    use crate::crf::feature::radius_squared;
     use crate::exec::Inline;
+    use glam::Vec3;
     use std::vec;
     use std::vec::Vec;
 
@@ -340,8 +346,14 @@ mod tests {
             let mut maps =
                 MapsMut { size: N, albedo: &mut albedo, normal: &mut normal, roughness: &mut roughness };
             let clipped = vec![0; N * N];
-            let photo =
-                LinearImage { size: N, rgb: &self.photo, clipped: &clipped, fov_deg: FOV, light_scale: None };
+            let photo = LinearImage {
+                size: N,
+                rgb: &self.photo,
+                clipped: &clipped,
+                fov_deg: FOV,
+                light_scale: None,
+                flash: Vec3::Z,
+            };
             let mut memory = vec![0; workspace_bytes(N)];
             restore(&photo, &mut maps, 0.05, &Inline, &mut Arena::new(&mut memory)).expect("fits");
             albedo
@@ -406,7 +418,14 @@ mod tests {
         for size in [1, 2, 3, 33] {
             let (n2, clipped) = (size * size, vec![0; size * size]);
             let rgb: Vec<f32> = (0..3 * n2).map(|i| (i % 7) as f32 / 7.0).collect();
-            let photo = LinearImage { size, rgb: &rgb, clipped: &clipped, fov_deg: FOV, light_scale: None };
+            let photo = LinearImage {
+                size,
+                rgb: &rgb,
+                clipped: &clipped,
+                fov_deg: FOV,
+                light_scale: None,
+                flash: Vec3::Z,
+            };
             let (mut albedo, mut normal, mut roughness) =
                 (vec![0.4; 3 * n2], vec![0.0; 3 * n2], vec![0.5; n2]);
             normal[2 * n2..].fill(1.0);
@@ -451,7 +470,14 @@ mod tests {
         let run = |exec: &dyn Executor| -> Vec<u32> {
             let mut scene = Scene::tiles(size, 5);
             let (rgb, clipped) = (scene.photo.clone(), scene.clipped.clone());
-            let photo = LinearImage { size, rgb: &rgb, clipped: &clipped, fov_deg: FOV, light_scale: None };
+            let photo = LinearImage {
+                size,
+                rgb: &rgb,
+                clipped: &clipped,
+                fov_deg: FOV,
+                light_scale: None,
+                flash: Vec3::Z,
+            };
             let Scene { albedo, normal, roughness, .. } = &mut scene;
             let mut memory = vec![0; workspace_bytes(size)];
             let mut maps = MapsMut { size, albedo, normal, roughness };

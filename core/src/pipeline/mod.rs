@@ -7,7 +7,7 @@ mod reduced;
 mod stages;
 
 use crate::arena::{Arena, bytes_for};
-use crate::brdf::{self, Light, Scene};
+use crate::brdf::{self, Scene};
 use crate::crf::{self, Albedo, Normal, Roughness};
 use crate::exec::{At, Executor, within};
 use crate::frame::{self, FieldOfView, Frame, LinearImage};
@@ -181,6 +181,7 @@ pub fn workspace_bytes(engine: &dyn Engine) -> usize {
     // roughness 1, a render 3.
     let stages = [
         (7, engine.workspace_bytes()),
+        (7, search::flash_position_bytes(size)),
         (7, highlight::workspace_bytes(size)),
         (7 + 3, reduced::workspace_bytes::<Albedo<'_>, 5>(size, 6)),
         (7 + 3, highlight::retexture_bytes(size)),
@@ -225,8 +226,14 @@ pub fn run<'a>(
     let run = stages::Run { photo, options, exec };
     let first = staged(observer, Stage::Net, |observer| First::infer(&run, engine, &mut arena, observer))?;
     let model = engine.model();
-    let albedo =
-        staged(observer, Stage::CrfAlbedo, |_| within(exec, || first.albedo(&run, model, &mut arena)))?;
+    let (run, albedo) = staged(observer, Stage::CrfAlbedo, |_| {
+        within(exec, || {
+            let run = first.lit(&run, &mut arena)?;
+            let albedo = first.albedo(&run, model, &mut arena)?;
+            Ok((run, albedo))
+        })
+    })?;
+    let photo = run.photo;
     let normal = staged(observer, Stage::CrfNormal, |_| within(exec, || albedo.normal(&run, &mut arena)))?;
     let searched = staged(observer, Stage::Search, |_| within(exec, || normal.search(&run, &mut arena)))?;
     let refined =
@@ -278,8 +285,7 @@ fn relight(
     exec: &dyn Executor,
     render: &mut [f32],
 ) -> Result<Lights, Error> {
-    let scene = Scene { fov_deg: photo.fov_deg, light: Light::default() };
-    brdf::render(maps, f0, &scene, exec, render)?;
+    brdf::render(maps, f0, &Scene::of(photo), exec, render)?;
     let lights = search::lights(photo, render, maps.albedo, exec)?;
     for (value, albedo) in render.iter_mut().zip(maps.albedo) {
         *value = lights.flash * (*value + lights.room * albedo);

@@ -76,6 +76,13 @@ impl<'a> First<'a> {
         Ok(Self { maps, classification })
     }
 
+    /// The run, its photo's flash where these maps say that it is.
+    pub(super) fn lit<'r>(&self, run: &Run<'r, 'a>, arena: &mut Arena<'a>) -> Result<Run<'r, 'a>, Error> {
+        let f0 = brdf::f0(self.classification.used.of(Class::Metal));
+        let flash = search::flash_position(&run.photo, &self.maps.as_maps(), f0, run.exec, arena)?;
+        Ok(Run { photo: LinearImage { flash, ..run.photo }, ..*run })
+    }
+
     pub(super) fn albedo(
         self,
         run: &Run<'_, 'a>,
@@ -166,10 +173,10 @@ impl<'a> WithNormal<'a> {
         let (found, seen) = (arena.take::<f32>(size * size)?, arena.take::<f32>(size * size)?);
         let mut scope = arena.scope();
         let render = scope.take::<f32>(3 * size * size)?;
-        let scene = Scene { fov_deg: run.photo.fov_deg, light: Light::default() };
+        let scene = Scene::of(&run.photo);
         brdf::render(&Maps { size, albedo, normal, roughness }, f0, &scene, run.exec, render)?;
         let strength = search::light_scale(&run.photo, render, run.exec)?;
-        let light = Light { strength, ..Light::default() };
+        let light = Light { strength, ..scene.light };
         search::roughness(&run.photo, albedo, normal, f0, &light, run.exec, found, seen)?;
         Ok(Searched { before, roughness: Some(found), observability: seen })
     }

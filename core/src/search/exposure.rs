@@ -124,9 +124,21 @@ pub fn lights(
     exec: &dyn Executor,
 ) -> Result<Lights, Error> {
     check_planes(photo.size, 3, albedo.len())?;
+    let start = Lights { flash: light_scale(photo, render, exec)?, room: 0.0 };
+    Ok(nearer_lights(photo, [render, albedo], start, ROOM_STEPS, exec))
+}
+
+/// `steps` more steps of [`lights`], whose `render` and `albedo` these are, from `start` on.
+pub(super) fn nearer_lights(
+    photo: &LinearImage<'_>,
+    [render, albedo]: [&[f32]; 2],
+    start: Lights,
+    steps: usize,
+    exec: &dyn Executor,
+) -> Lights {
     let step = (photo.size / ROOM_ROWS).max(1);
-    let mut lights = Lights { flash: light_scale(photo, render, exec)?, room: 0.0 };
-    for _ in 0..ROOM_STEPS {
+    let mut lights = start;
+    for _ in 0..steps {
         let Lights { flash, room } = lights;
         let [rr, ra, aa, rp, ap] = sums(
             photo,
@@ -154,7 +166,7 @@ pub fn lights(
             lights = Lights { flash: flash as f32, room: room as f32 };
         }
     }
-    Ok(lights)
+    lights
 }
 
 /// The geometric mean of the ratios of photo to render: a start that a few immense highlights do not move. Checks the exposure
@@ -212,7 +224,7 @@ fn mean([sum, count]: [f64; 2]) -> Option<f64> {
 
 /// The sums of `terms(photo, renders)` over all channels of the pixels that are not clipped, in every `step`-th row.
 #[inline(always)]
-fn sums<const K: usize, const N: usize>(
+pub(super) fn sums<const K: usize, const N: usize>(
     photo: &LinearImage<'_>,
     renders: [&[f32]; K],
     step: usize,
@@ -261,6 +273,7 @@ mod tests {
     use super::super::tests::{FOV, scenery};
     use super::*;
     use crate::exec::Inline;
+    use glam::Vec3;
     use std::vec;
 
     #[test]
@@ -384,6 +397,7 @@ mod tests {
             clipped: &[0, 0, 0, 1],
             fov_deg: FOV,
             light_scale: None,
+            flash: Vec3::Z,
         };
         assert_eq!(residual(&image, &[0.25; 12], &Inline), Ok(0.0));
         // 1 - 0.25^(1/2.2) = 0.467479 where not clipped; over-bright render counts as white.

@@ -1,4 +1,4 @@
-//! The photo's unknown light scale, and the coarse-to-fine search for the roughness at each pixel.
+//! The photo's unknown light scale, where its flash is, and the coarse-to-fine search for the roughness at each pixel.
 //!
 //! Source: the paper's section "Roughness refinement": with normal and albedo known and the light at the camera, the
 //! roughness of each pixel is the one whose predicted colour is nearest to the photo's, found on a coarse grid and
@@ -9,8 +9,10 @@
 //! so two values may explain a pixel alike. Equal errors give the smaller roughness. How much a pixel says is the
 //! observability; where it is 0 the roughness found means nothing.
 mod exposure;
+mod flash;
 
 pub use exposure::{Lights, check_exposure, light_scale, lights, residual};
+pub use flash::{flash_position, flash_position_bytes};
 
 use crate::Error;
 use crate::brdf::{Angles, Incident, Light, Scene, ggx};
@@ -283,6 +285,10 @@ mod tests {
     }
 
     impl Scenery {
+        pub(super) fn maps(&self) -> Maps<'_> {
+            Maps { size: self.n, albedo: &self.albedo, normal: &self.normal, roughness: &self.roughness }
+        }
+
         pub(super) fn photo(&self) -> LinearImage<'_> {
             LinearImage {
                 size: self.n,
@@ -290,6 +296,7 @@ mod tests {
                 clipped: &self.clipped,
                 fov_deg: FOV,
                 light_scale: None,
+                flash: Vec3::Z,
             }
         }
 

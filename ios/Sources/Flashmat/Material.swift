@@ -63,6 +63,9 @@ public struct MaterialReport: Sendable, Equatable {
     /// Even light that the re-render adds to the flash's, as a share of the flash's at the centre, in [0,1]: it adds
     /// `lightScale * roomLight * albedo`. Fitted with ``lightScale``, no measurement of the room.
     public let roomLight: Float
+    /// Where the re-render's flash is, fitted to the photo, in plane units: the plane is z = 0, x to the right, y up, the camera
+    /// at (0,0,1).
+    public let flash: SIMD3<Float>
     /// RMSE of the re-render against the photo, gamma 2.2, overexposed pixels left out.
     public let residual: Float
     /// Specular reflectance at normal incidence.
@@ -82,6 +85,7 @@ public struct MaterialReport: Sendable, Equatable {
         probabilities = withUnsafeBytes(of: report.probabilities) { Array($0.bindMemory(to: Float.self)) }
         lightScale = report.light_scale
         roomLight = report.room_light
+        flash = SIMD3(report.flash.0, report.flash.1, report.flash.2)
         residual = report.residual
         f0 = report.f0
         fieldOfView = report.fov_deg

@@ -783,6 +783,11 @@ typedef struct flashmat_report {
      * light_scale * room_light * albedo. Fitted with light_scale, no measurement of the room.
      */
     float room_light;
+    /**
+     * Where the re-render's flash is, fitted to the photo: x, y, z in plane units. The plane is z = 0, x to the
+     * right, y up, the camera at (0,0,1).
+     */
+    float flash[3];
 } flashmat_report;
 
 #ifdef __cplusplus

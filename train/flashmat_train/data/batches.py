@@ -37,6 +37,8 @@ class SceneOptions:
     second_lobe: float = 0.3  # share of photos whose highlight has a second lobe, as lacquer and real gloss have
     flash: bool = True  # off: the paper's `env` variant
     light_sigma: float = 0.03  # of the flash around the camera, each axis
+    beside: float = 0.5  # share of photos whose flash is beside the camera, as phones' are, or the camera aimed askew
+    beside_reach: float = 0.25  # how far at most, in any direction
     tilt_sigma: float = 3.0  # degrees, each axis
     fov_exact: float = 0.4  # share of photos with the field of view of the paper
     fov_range: tuple[float, float] = (32.0, 70.0)
@@ -109,7 +111,7 @@ def render_batch(
     told = np.where(rng.random(b) < options.fov_known, fov, FOV_DEG)
     tilt = rng.normal(size=(b, 2)) * math.radians(options.tilt_sigma) * (rng.random((b, 1)) < 0.7)
     geometry = tilted(n, tensor(fov), tensor(tilt), dev)
-    light = geometry.camera + tensor(rng.normal(size=(b, 3)) * options.light_sigma)
+    light = geometry.camera + tensor(rng.normal(size=(b, 3)) * options.light_sigma + beside(rng, b, options))
     radiance = torch.zeros_like(albedo)
     if options.flash:
         radiance = render_point(albedo, normal, rough, f0, geometry, light)
@@ -134,6 +136,13 @@ def render_batch(
         light,
         tensor(novel_lights(rng, b)),
     )
+
+
+def beside(rng: np.random.Generator, b: int, options: SceneOptions) -> np.ndarray:
+    """How far the flash is beside the camera, parallel to the plane; (b,3), zeros for the photos that have it there."""
+    reach = options.beside_reach * rng.random(b) * (rng.random(b) < options.beside)
+    phi = rng.uniform(0, 2 * math.pi, size=b)
+    return np.stack((reach * np.cos(phi), reach * np.sin(phi), np.zeros(b)), axis=-1)
 
 
 def novel_lights(rng: np.random.Generator, b: int) -> np.ndarray:

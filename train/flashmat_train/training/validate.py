@@ -20,7 +20,8 @@ MEAN_ALBEDO, MEAN_ROUGHNESS = 0.22, 0.6
 def validation_set(pool: Pool, env: Environments, size: int, per_material: int = 3) -> list[Batch]:
     """For each material a batch at the flash's known strength, where scales and lights vary and nothing else is random,
     and one as a phone's automatic exposure takes them."""
-    base = SceneOptions(augment=False, fov_exact=1.0, tilt_sigma=0.0, environment=(0.0, 0.4), dark=0.0, second_lobe=0.0)
+    plain = {"augment": False, "fov_exact": 1.0, "tilt_sigma": 0.0, "dark": 0.0, "second_lobe": 0.0, "beside": 0.0}
+    base = SceneOptions(environment=(0.0, 0.4), **plain)
     known = replace(base, camera=CameraNoise(plain=1.0))
     phone = replace(base, camera=CameraNoise(plain=0.0, known=0.0))
     out = []

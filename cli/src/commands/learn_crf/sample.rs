@@ -51,12 +51,13 @@ struct Photo {
     clipped: Vec<u8>,
     fov_deg: f32,
     light_scale: Option<f32>,
+    flash: Vec3,
 }
 
 impl Photo {
     fn image(&self) -> LinearImage<'_> {
-        let Self { size, rgb, clipped, fov_deg, light_scale } = self;
-        LinearImage { size: *size, rgb, clipped, fov_deg: *fov_deg, light_scale: *light_scale }
+        let Self { size, rgb, clipped, fov_deg, light_scale, flash } = self;
+        LinearImage { size: *size, rgb, clipped, fov_deg: *fov_deg, light_scale: *light_scale, flash: *flash }
     }
 }
 
@@ -89,7 +90,14 @@ impl Sample {
         let clipped = clipped(&shot.photo, size).map_err(failed)?;
         let f0 = brdf::f0(found.probabilities.get(Class::Metal as usize).copied().unwrap_or(0.0));
         let mut refined = found.maps.clone();
-        let photo = Photo { size, rgb: found.photo, clipped, fov_deg: found.fov_deg, light_scale };
+        let photo = Photo {
+            size,
+            rgb: found.photo,
+            clipped,
+            fov_deg: found.fov_deg,
+            light_scale,
+            flash: found.flash,
+        };
         below_highlights(highlight::restore, &photo, &mut refined, f0).map_err(failed)?;
         Ok(Self {
             truth: shot.truth,
@@ -161,7 +169,7 @@ impl Sample {
     /// Before the roughness is refined.
     fn search(&mut self) -> Result<(), Error> {
         let (photo, maps) = (self.photo.image(), &self.refined);
-        let render = light::relight(maps, self.f0, photo.fov_deg, Vec3::Z, 1.0)?;
+        let render = light::relight(maps, self.f0, photo.fov_deg, photo.flash, 1.0)?;
         let strength = search::light_scale(&photo, &render, &super::fast())?;
         let pixels = photo.size * photo.size;
         let (mut roughness, mut observability) = (vec![0.0; pixels], vec![0.0; pixels]);
@@ -170,7 +178,7 @@ impl Sample {
             &maps.albedo,
             &maps.normal,
             self.f0,
-            &Light { strength, ..Light::default() },
+            &Light { position: photo.flash, strength },
             &super::fast(),
             &mut roughness,
             &mut observability,

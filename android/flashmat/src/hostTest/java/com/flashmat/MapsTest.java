@@ -58,6 +58,10 @@ final class MapsTest {
         assertTrue(maps.f0() >= 0.05f && maps.f0() <= 0.5f);
         assertTrue(maps.lightScale() > 0 && maps.residual() >= 0);
         assertTrue(maps.roomLight() >= 0 && maps.roomLight() <= 1);
+        float[] flash = maps.flash();
+        assertEquals(3, flash.length);
+        assertTrue(Math.abs(flash[0]) <= 0.35f && Math.abs(flash[1]) <= 0.35f);
+        assertEquals(1, flash[2]);
         assertEquals(3, maps.solverIterations().length);
         assertTrue(maps.solverIterations()[0] > 0 && maps.solverResiduals()[0] < 1);
     }

@@ -135,6 +135,15 @@ public final class MaterialMaps {
         return numbers[19];
     }
 
+    /**
+     * Where the re-render's flash is, fitted to the photo: x, y, z in plane units. The plane is z = 0, x to the right, y up, the
+     * camera at (0,0,1).
+     */
+    public float[] flash() {
+        check();
+        return new float[] {numbers[20], numbers[21], numbers[22]};
+    }
+
     /** RMSE of the re-render against the photo, gamma 2.2, overexposed pixels left out. */
     public float residual() {
         check();

@@ -12,7 +12,7 @@ final class NativeBridge {
     /** Planes of f32 in a maps buffer: albedo 3, normal 3, roughness, re-render 3, photo 3, observability. */
     static final int PLANES = 14;
     /** Numbers of a capture: see {@link MaterialMaps}. */
-    static final int NUMBERS = 20;
+    static final int NUMBERS = 23;
 
     static {
         // Host tests name the file; apps have it in their package.
