@@ -19,12 +19,13 @@ use flashmat_tests::models::{Widths, random_model};
 use flashmat_tests::runs::{NetRun, smooth_photo};
 use glam::Vec3;
 
-const STAGES: [&str; 10] = [
+const STAGES: [&str; 11] = [
     "load",
     "frame-rgb",
     "frame-yuv",
     "network",
     "highlight",
+    "flash",
     "crf-albedo",
     "crf-normal",
     "search",
@@ -97,6 +98,16 @@ fn main() {
                     .expect("levelled");
                 highlight::retexture(&photo, &mut maps, 0.05, &exec, &mut Arena::new(&mut work))
                     .expect("retextured");
+            });
+        }
+        "flash" => {
+            let scene = Scene::tiles(size, 81);
+            let Scene { albedo, normal, roughness, .. } = &scene;
+            let (photo, maps) = (scene.image(), Maps { size, albedo, normal, roughness });
+            let mut work = vec![0; search::flash_position_bytes(size)];
+            timed(runs, || {
+                search::flash_position(&photo, &maps, 0.05, &exec, &mut Arena::new(&mut work))
+                    .expect("found");
             });
         }
         "search" => {

@@ -4,7 +4,7 @@
 use crate::Error;
 use crate::exec::{Executor, ROWS_PER_BLOCK, sum_row_blocks};
 use crate::frame::LinearImage;
-use crate::lanes::{LANES, Lanes, load, sum, unset};
+use crate::lanes::{LANES, load, sum, unset};
 use crate::maps::{check_planes, plane_row};
 use crate::math::approx::{exp2, gamma, log2};
 use crate::math::sqrtf;
@@ -237,17 +237,19 @@ pub(super) fn sums<const K: usize, const N: usize>(
             #[inline(always)]
             || {
                 let mut total = [0.0_f64; N];
+                // Written anew for each run of pixels: made there, they would be cleared for each.
+                let (mut loaded, mut values) = ([[0.0; LANES]; K], [[0.0; LANES]; N]);
                 for row in rows.filter(|row| row.is_multiple_of(step)) {
                     let clipped = photo.clipped.get(row * n..(row + 1) * n).unwrap_or(&[]);
                     for start in (0..n).step_by(LANES) {
                         let free = unset(clipped, start);
                         for plane in 0..3 {
                             let photo = load(plane_row(photo.rgb, n, plane * n + row), start);
-                            let renders =
-                                renders.map(|render| load(plane_row(render, n, plane * n + row), start));
-                            let mut values: [Lanes; N] = [[0.0; LANES]; N];
+                            for k in 0..K {
+                                loaded[k] = load(plane_row(renders[k], n, plane * n + row), start);
+                            }
                             for i in 0..LANES {
-                                let terms = terms(photo[i], renders.each_ref().map(|render| render[i]));
+                                let terms = terms(photo[i], core::array::from_fn(|k| loaded[k][i]));
                                 for t in 0..N {
                                     values[t][i] = terms[t];
                                 }
