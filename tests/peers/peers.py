@@ -28,9 +28,9 @@ HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
 sys.path[:0] = [str(HERE), str(ROOT / "train")]
 
-import graphs  # noqa: E402
-import limit  # noqa: E402
-from flashmat_train import modelfile  # noqa: E402
+import graphs
+import limit
+from flashmat_train import modelfile
 
 
 class Engine:
