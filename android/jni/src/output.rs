@@ -9,7 +9,7 @@ use flashmat_core::pipeline::Capture;
 /// Planes: albedo 3, normal 3, roughness 1, re-render 3, photo 3, observability 1.
 pub(crate) const PLANES: usize = 14;
 /// Numbers: 8 probabilities, class, F0, light scale, residual, field of view, 3 x iterations, 3 x solver residual, room
-/// light.
+/// light, 3 x the flash's place.
 pub(crate) const NUMBERS: usize = 23;
 
 /// Bytes of the maps' buffer, in 64 bits: `size` comes from Java.
