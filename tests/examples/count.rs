@@ -17,7 +17,6 @@ use flashmat_core::net::{Model, Network};
 use flashmat_core::search;
 use flashmat_tests::models::{Widths, random_model};
 use flashmat_tests::runs::{NetRun, smooth_photo};
-use glam::Vec3;
 
 const STAGES: [&str; 11] = [
     "load",
@@ -80,14 +79,7 @@ fn main() {
         "highlight" => {
             let mut scene = Scene::tiles(size, 81);
             let (rgb, clipped) = (scene.photo.clone(), scene.clipped.clone());
-            let photo = LinearImage {
-                size,
-                rgb: &rgb,
-                clipped: &clipped,
-                fov_deg: FOV,
-                light_scale: None,
-                flash: Vec3::Z,
-            };
+            let photo = LinearImage::new(size, &rgb, &clipped, FOV);
             let mut work = vec![0; highlight::workspace_bytes(size).max(highlight::retexture_bytes(size))];
             let Scene { albedo, normal, roughness, .. } = &mut scene;
             timed(runs, || {

@@ -12,7 +12,6 @@ use flashmat_core::maps::MapsMut;
 use flashmat_core::net::{Mixing, Model, Network};
 use flashmat_core::pipeline::Engine;
 use flashmat_core::{Error, Silent};
-use glam::Vec3;
 use std::io::{BufRead, Write};
 use std::time::Instant;
 
@@ -49,8 +48,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let file = std::fs::read(photo)?;
     let rgb: Vec<f32> = file.as_chunks::<4>().0.iter().map(|b| f32::from_le_bytes(*b)).collect();
     let (pixels, clipped) = (size * size, vec![0; size * size]);
-    let photo =
-        LinearImage { size, rgb: &rgb, clipped: &clipped, fov_deg: 43.35, light_scale: None, flash: Vec3::Z };
+    let photo = LinearImage::new(size, &rgb, &clipped, 43.35);
     let mut workspace = vec![0; engine.workspace_bytes()];
     let mut planes = vec![0.0_f32; 7 * pixels];
     let mut run = |planes: &mut [f32]| {

@@ -5,7 +5,6 @@ use flashmat_core::frame::LinearImage;
 use flashmat_core::maps::MapsMut;
 use flashmat_core::net::{Class, ClassProbabilities, Classification, Mixing, Network, Tap};
 use flashmat_core::{Error, Silent};
-use glam::Vec3;
 
 /// Memory of a network run, to be used again and again.
 #[derive(Clone, Debug)]
@@ -51,12 +50,8 @@ impl NetRun {
     ) -> Result<Classification, Error> {
         let mixing = Mixing { known: self.known, ..Mixing::only(class) };
         let photo = LinearImage {
-            size: self.size,
-            rgb: &self.rgb,
-            clipped: &self.clipped,
-            fov_deg: 43.35,
             light_scale: self.light_scale,
-            flash: Vec3::Z,
+            ..LinearImage::new(self.size, &self.rgb, &self.clipped, 43.35)
         };
         let mut maps = MapsMut {
             size: self.size,

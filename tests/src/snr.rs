@@ -7,7 +7,6 @@ use flashmat_core::net::graph::{Op, Tensor};
 use flashmat_core::net::quant::dequantise;
 use flashmat_core::net::tract::FloatNetwork;
 use flashmat_core::net::{Model, Network, Tap};
-use glam::Vec3;
 
 use crate::runs::NetRun;
 
@@ -44,8 +43,7 @@ pub fn layer_snr(model: &Model<'_>, size: usize, rgb: &[f32], level: Level) -> R
     let mut record = Record(Vec::new());
     NetRun::new(&network, size, rgb.to_vec()).run(&network, None, &Inline, Some(&mut record))?;
     let clipped = vec![0; size * size];
-    let photo =
-        LinearImage { size, rgb, clipped: &clipped, fov_deg: 43.35, light_scale: None, flash: Vec3::Z };
+    let photo = LinearImage::new(size, rgb, &clipped, 43.35);
     let exact = FloatNetwork::new(model.clone(), size)?.tensors(&photo)?;
     let graph = model.graph();
     let feeds_head = |tensor: usize| {

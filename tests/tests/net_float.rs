@@ -12,7 +12,6 @@ use flashmat_core::pipeline::Engine;
 use flashmat_tests::golden::{TOY_MODEL, TOY_SIZE, toy, toy_photo};
 use flashmat_tests::runs::smooth_photo;
 use flashmat_tests::snr::layer_snr;
-use glam::Vec3;
 
 #[test]
 fn float_tensors_and_maps_are_the_reference() {
@@ -20,14 +19,7 @@ fn float_tensors_and_maps_are_the_reference() {
     let model = Model::from_bytes(TOY_MODEL).expect("the golden model");
     let network = FloatNetwork::new(model.clone(), TOY_SIZE).expect("float weights");
     let clipped = vec![0; TOY_SIZE * TOY_SIZE];
-    let photo = LinearImage {
-        size: TOY_SIZE,
-        rgb: &rgb,
-        clipped: &clipped,
-        fov_deg: 43.35,
-        light_scale: None,
-        flash: Vec3::Z,
-    };
+    let photo = LinearImage::new(TOY_SIZE, &rgb, &clipped, 43.35);
     for (number, values) in network.tensors(&photo).expect("a run") {
         let name = model.graph().tensors()[number].name.as_str();
         let distance = expected[&format!("float/{name}")].distance(name, &values);

@@ -42,14 +42,7 @@ fn a_run_allocates_nothing_and_keeps_to_its_workspace() {
     let mut run = NetRun::new(&network, size, smooth_photo(size));
     let photo = smooth_photo(size);
     let clipped = vec![0; size * size];
-    let photo = flashmat_core::frame::LinearImage {
-        size,
-        rgb: &photo,
-        clipped: &clipped,
-        fov_deg: 43.35,
-        light_scale: None,
-        flash: glam::Vec3::Z,
-    };
+    let photo = flashmat_core::frame::LinearImage::new(size, &photo, &clipped, 43.35);
     let mut workspace = vec![0; network.workspace_bytes() / 2];
     let mut maps = flashmat_core::maps::MapsMut {
         size,

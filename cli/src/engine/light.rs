@@ -38,8 +38,7 @@ pub(crate) fn strength_at_centre(light: Vec3) -> f32 {
 /// RMSE of two pictures (3 planes, linear), gamma 2.2, as the residual has it.
 pub(crate) fn picture_error(wanted: &[f32], got: &[f32], size: usize, fov_deg: f32) -> Result<f32, Error> {
     let clipped = vec![0; size * size];
-    let photo =
-        LinearImage { size, rgb: wanted, clipped: &clipped, fov_deg, light_scale: None, flash: Vec3::Z };
+    let photo = LinearImage::new(size, wanted, &clipped, fov_deg);
     search::residual(&photo, got, &Inline)
 }
 

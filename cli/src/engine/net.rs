@@ -6,7 +6,6 @@ use flashmat_core::kernels::{Kernels, Level, peak};
 use flashmat_core::maps::MapsMut;
 use flashmat_core::net::{Mixing, Model, Network};
 use flashmat_core::{Error, Silent};
-use glam::Vec3;
 use std::time::Instant;
 
 /// What the runs of one network say.
@@ -32,8 +31,7 @@ pub(crate) fn time(
     let pixels = size * size;
     let rgb: Vec<f32> = (0..3 * pixels).map(|i| 0.1 + ((i * 7919) % 1009) as f32 / 1500.0).collect();
     let clipped = vec![0; pixels];
-    let photo =
-        LinearImage { size, rgb: &rgb, clipped: &clipped, fov_deg: 43.35, light_scale: None, flash: Vec3::Z };
+    let photo = LinearImage::new(size, &rgb, &clipped, 43.35);
     let (mut albedo, mut normal, mut roughness) =
         (vec![0.0; 3 * pixels], vec![0.0; 3 * pixels], vec![0.0; pixels]);
     let mut workspace = vec![0; network.workspace_bytes()];

@@ -5,7 +5,6 @@ use crate::frame::LinearImage;
 use crate::math::{cosf, expf, floorf, sinf, sqrtf};
 use alloc::vec;
 use alloc::vec::Vec;
-use glam::Vec3;
 
 /// Field of view of the scenes, in degrees.
 pub const FOV: f32 = 43.35;
@@ -134,14 +133,7 @@ impl Scene {
     /// What the search compares renders with.
     #[must_use]
     pub fn image(&self) -> LinearImage<'_> {
-        LinearImage {
-            size: self.size,
-            rgb: &self.photo,
-            clipped: &self.clipped,
-            fov_deg: FOV,
-            light_scale: None,
-            flash: Vec3::Z,
-        }
+        LinearImage::new(self.size, &self.photo, &self.clipped, FOV)
     }
 
     /// Inputs of the albedo's CRF.

@@ -310,7 +310,13 @@ pub struct LinearImage<'a> {
     pub flash: Vec3,
 }
 
-impl LinearImage<'_> {
+impl<'a> LinearImage<'a> {
+    /// A photo of which nothing more is known: no light scale, the flash at the camera.
+    #[must_use]
+    pub fn new(size: usize, rgb: &'a [f32], clipped: &'a [u8], fov_deg: f32) -> Self {
+        Self { size, rgb, clipped, fov_deg, light_scale: None, flash: Vec3::Z }
+    }
+
     /// Checks that the planes have the lengths that `size` asks for.
     ///
     /// # Errors
@@ -358,5 +364,5 @@ pub fn prepare<'a>(
         geometry::rotate_square(plane, size, frame.rotation);
     }
     geometry::rotate_square(clipped, size, frame.rotation);
-    Ok(LinearImage { size, rgb, clipped, fov_deg: crop.fov_deg, light_scale: None, flash: Vec3::Z })
+    Ok(LinearImage::new(size, rgb, clipped, crop.fov_deg))
 }

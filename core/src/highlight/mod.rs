@@ -311,7 +311,6 @@ mod tests {
     use crate::brdf::Light;
     use crate::crf::feature::radius_squared;
     use crate::exec::Inline;
-    use glam::Vec3;
     use std::vec;
     use std::vec::Vec;
 
@@ -346,14 +345,7 @@ mod tests {
             let mut maps =
                 MapsMut { size: N, albedo: &mut albedo, normal: &mut normal, roughness: &mut roughness };
             let clipped = vec![0; N * N];
-            let photo = LinearImage {
-                size: N,
-                rgb: &self.photo,
-                clipped: &clipped,
-                fov_deg: FOV,
-                light_scale: None,
-                flash: Vec3::Z,
-            };
+            let photo = LinearImage::new(N, &self.photo, &clipped, FOV);
             let mut memory = vec![0; workspace_bytes(N)];
             restore(&photo, &mut maps, 0.05, &Inline, &mut Arena::new(&mut memory)).expect("fits");
             albedo
@@ -418,14 +410,7 @@ mod tests {
         for size in [1, 2, 3, 33] {
             let (n2, clipped) = (size * size, vec![0; size * size]);
             let rgb: Vec<f32> = (0..3 * n2).map(|i| (i % 7) as f32 / 7.0).collect();
-            let photo = LinearImage {
-                size,
-                rgb: &rgb,
-                clipped: &clipped,
-                fov_deg: FOV,
-                light_scale: None,
-                flash: Vec3::Z,
-            };
+            let photo = LinearImage::new(size, &rgb, &clipped, FOV);
             let (mut albedo, mut normal, mut roughness) =
                 (vec![0.4; 3 * n2], vec![0.0; 3 * n2], vec![0.5; n2]);
             normal[2 * n2..].fill(1.0);
@@ -470,14 +455,7 @@ mod tests {
         let run = |exec: &dyn Executor| -> Vec<u32> {
             let mut scene = Scene::tiles(size, 5);
             let (rgb, clipped) = (scene.photo.clone(), scene.clipped.clone());
-            let photo = LinearImage {
-                size,
-                rgb: &rgb,
-                clipped: &clipped,
-                fov_deg: FOV,
-                light_scale: None,
-                flash: Vec3::Z,
-            };
+            let photo = LinearImage::new(size, &rgb, &clipped, FOV);
             let Scene { albedo, normal, roughness, .. } = &mut scene;
             let mut memory = vec![0; workspace_bytes(size)];
             let mut maps = MapsMut { size, albedo, normal, roughness };

@@ -77,7 +77,6 @@ mod tests {
     use super::*;
     use crate::crf::feature::radius_squared;
     use crate::exec::Inline;
-    use glam::Vec3;
     use std::vec;
     use std::vec::Vec;
 
@@ -87,14 +86,7 @@ mod tests {
         let mut maps =
             MapsMut { size: N, albedo: &mut albedo, normal: &mut normal, roughness: &mut roughness };
         let clipped = vec![0; N * N];
-        let photo = LinearImage {
-            size: N,
-            rgb: &plastic.photo,
-            clipped: &clipped,
-            fov_deg: FOV,
-            light_scale: None,
-            flash: Vec3::Z,
-        };
+        let photo = LinearImage::new(N, &plastic.photo, &clipped, FOV);
         let mut memory = vec![0; level_roughness_bytes(N)];
         level_roughness(&photo, &mut maps, 0.05, &Inline, &mut Arena::new(&mut memory)).expect("fits");
         roughness

@@ -355,7 +355,6 @@ mod tests {
     use crate::exec::Inline;
     use crate::maps::Maps;
     use crate::math::expf;
-    use glam::Vec3;
     use std::vec;
     use std::vec::Vec;
 
@@ -394,14 +393,7 @@ mod tests {
             let mut maps =
                 MapsMut { size: N, albedo: &mut albedo, normal: &mut normal, roughness: &mut roughness };
             let clipped = vec![0; N * N];
-            let photo = LinearImage {
-                size: N,
-                rgb: &self.photo,
-                clipped: &clipped,
-                fov_deg: FOV,
-                light_scale: None,
-                flash: Vec3::Z,
-            };
+            let photo = LinearImage::new(N, &self.photo, &clipped, FOV);
             let mut memory = vec![0; retexture_bytes(N)];
             retexture(&photo, &mut maps, 0.05, &Inline, &mut Arena::new(&mut memory)).expect("fits");
             albedo
@@ -479,14 +471,7 @@ mod tests {
         for size in [1, 63, 64, 65, 100] {
             let (n2, clipped) = (size * size, vec![0; size * size]);
             let rgb: Vec<f32> = (0..3 * n2).map(|i| (i % 7) as f32 / 7.0).collect();
-            let photo = LinearImage {
-                size,
-                rgb: &rgb,
-                clipped: &clipped,
-                fov_deg: FOV,
-                light_scale: None,
-                flash: Vec3::Z,
-            };
+            let photo = LinearImage::new(size, &rgb, &clipped, FOV);
             let (mut albedo, mut roughness) = (rgb.clone(), vec![0.3; n2]);
             let mut normal = [vec![0.0; 2 * n2], vec![1.0; n2]].concat();
             let mut maps =

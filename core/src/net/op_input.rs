@@ -106,7 +106,6 @@ mod tests {
     use super::*;
     use crate::exec::Inline;
     use crate::frame::transfer::linear_to_srgb;
-    use glam::Vec3;
     use std::vec;
 
     #[test]
@@ -141,14 +140,7 @@ mod tests {
         let size = 128;
         let rgb = vec![1.0; 3 * size * size];
         let clipped = vec![0; size * size];
-        let photo = LinearImage {
-            size,
-            rgb: &rgb,
-            clipped: &clipped,
-            fov_deg: 43.35,
-            light_scale: None,
-            flash: Vec3::Z,
-        };
+        let photo = LinearImage::new(size, &rgb, &clipped, 43.35);
         let mut out = vec![0; size * size * 6];
         run(&photo, &Inline, &mut out);
         // Top left: x = -(1 - 1/n) tan(fov / 2) = -0.3943, y = 0.3943; 255 (0.3943 / 0.75 + 1) / 2 = 194.53, code 195.

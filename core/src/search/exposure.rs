@@ -275,7 +275,6 @@ mod tests {
     use super::super::tests::{FOV, scenery};
     use super::*;
     use crate::exec::Inline;
-    use glam::Vec3;
     use std::vec;
 
     #[test]
@@ -393,14 +392,7 @@ mod tests {
 
     #[test]
     fn the_residual_is_gamma_2_2_rmse_of_unclipped_pixels() {
-        let image = LinearImage {
-            size: 2,
-            rgb: &[0.25; 12],
-            clipped: &[0, 0, 0, 1],
-            fov_deg: FOV,
-            light_scale: None,
-            flash: Vec3::Z,
-        };
+        let image = LinearImage::new(2, &[0.25; 12], &[0, 0, 0, 1], FOV);
         assert_eq!(residual(&image, &[0.25; 12], &Inline), Ok(0.0));
         // 1 - 0.25^(1/2.2) = 0.467479 where not clipped; over-bright render counts as white.
         let mut render = [7.0; 12];

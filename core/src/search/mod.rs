@@ -290,14 +290,7 @@ mod tests {
         }
 
         pub(super) fn photo(&self) -> LinearImage<'_> {
-            LinearImage {
-                size: self.n,
-                rgb: &self.photo,
-                clipped: &self.clipped,
-                fov_deg: FOV,
-                light_scale: None,
-                flash: Vec3::Z,
-            }
+            LinearImage::new(self.n, &self.photo, &self.clipped, FOV)
         }
 
         fn search(&self, f0: f32, scale: f32, exec: &dyn Executor) -> (Vec<f32>, Vec<f32>) {
