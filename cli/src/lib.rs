@@ -1,8 +1,12 @@
 //! Flashmat on the desktop: flash photos to relightable materials.
+//!
+//! A library of one function, the program's `main`, and of doors for the fuzzers of `fuzz/`; nothing else may use it.
 mod commands;
 mod dataset;
 mod engine;
 mod failure;
+#[doc(hidden)]
+pub mod fuzzing;
 mod interrupt;
 mod mapset;
 mod material;
@@ -37,7 +41,9 @@ enum Command {
     Bench(commands::bench::BenchArgs),
 }
 
-fn main() -> ExitCode {
+/// Runs the program with the arguments of the process.
+#[must_use]
+pub fn main() -> ExitCode {
     interrupt::listen();
     let done = match Cli::parse().command {
         Command::Capture(args) => commands::capture::run(&args),
