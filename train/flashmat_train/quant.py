@@ -18,6 +18,7 @@ from torch import Tensor, nn
 
 from . import checkpoint
 from .export import blocks, calibrate, calibration_photos, fold
+from .fine_metrics import COLUMNS
 from .model import HEADS, INPUT_CHANNELS, Network, NetworkConfig, activate
 
 CODES = 255.0
@@ -139,6 +140,7 @@ def run(args: argparse.Namespace) -> None:
     val = validation_set(val_pool, env, args.size)
     columns = ("albedo_mse", "normal_mse", "roughness_mse", "angle_deg", "class_accuracy")
     base = evaluate(network, val, "cpu")
+    columns += tuple(c for c in COLUMNS if c in base)
     print(json.dumps({"engine": "float"} | {c: round(base[c], 6) for c in columns}))
     photos = calibration_photos(args.data, args.photos, args.size)
     for share in args.share:

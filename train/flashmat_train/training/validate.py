@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import torch
-from torch import nn
+from torch import Tensor, nn
 
 from ..data.batches import Batch, SceneOptions, render_batch
 from ..data.pool import Pool
+from ..fine_metrics import FineScores
 from ..metrics import map_errors, trivial
 from ..render.camera import CameraNoise
 from ..render.envmap import Environments
@@ -38,17 +40,26 @@ def validation_set(pool: Pool, env: Environments, size: int, per_material: int =
 
 @torch.no_grad()
 def evaluate(network: nn.Module, val: list[Batch], device: torch.device | str) -> dict[str, float]:
-    """Mean errors over the validation photos of known exposure, those of the trivial guesses (`flat_*`), and those over
-    the photos of unknown exposure (`phone_*`); {} without photos."""
+    """The errors (`scores`) of the network on the validation photos."""
     network.eval()
+    return scores(val, lambda b: {k: v.float().cpu() for k, v in network(b.input.to(device)).items()})
+
+
+def scores(val: list[Batch], predict: Callable[[Batch], dict[str, Tensor]]) -> dict[str, float]:
+    """Mean errors over the validation photos of known exposure and the columns of `fine_metrics`, the errors of the
+    trivial guesses (`flat_*`), and those over the photos of unknown exposure (`phone_*`); {} without photos."""
     rows: list[dict[str, float]] = []
     phone: list[dict[str, float]] = []
+    fine, phone_fine = FineScores(), FineScores()
     for b in val:
-        out = {k: v.float().cpu() for k, v in network(b.input.to(device)).items()}
+        out = predict(b)
         row = map_errors(out, b.target)
         if not b.target["known"].any():
             phone.append({f"phone_{k}": v for k, v in row.items()})
+            phone_fine.add(out, b.target)
             continue
         base = map_errors(trivial(b.target, MEAN_ALBEDO, MEAN_ROUGHNESS), b.target)
         rows.append(row | {f"flat_{k}": v for k, v in base.items()})
-    return {k: float(np.mean([r[k] for r in part])) for part in (rows, phone) if part for k in part[0]}
+        fine.add(out, b.target)
+    means = {k: float(np.mean([r[k] for r in part])) for part in (rows, phone) if part for k in part[0]}
+    return means | fine.columns() | {f"phone_{k}": v for k, v in phone_fine.columns().items()}
