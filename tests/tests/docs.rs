@@ -1,0 +1,92 @@
+//! The documents: no page is missing from its index, no link is broken.
+use std::collections::BTreeSet;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// Each decision's sections, in this order.
+const SECTIONS: [&str; 5] = ["Question", "Setup", "Result", "Decision", "Status"];
+
+fn root() -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("..")
+}
+
+fn read(path: &Path) -> String {
+    fs::read_to_string(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
+}
+
+/// Markdown files below `folder` that belong to the project.
+fn markdown(folder: &Path, found: &mut Vec<PathBuf>) {
+    for entry in fs::read_dir(folder).expect("a folder") {
+        let path = entry.expect("an entry").path();
+        let name = path.file_name().expect("a name").to_string_lossy().into_owned();
+        let skipped = ["target", "node_modules", "runs", "out"].iter().any(|other| name == *other)
+            || name.starts_with('.')
+            || name.starts_with("target-");
+        if path.is_dir() && !skipped {
+            markdown(&path, found);
+        } else if path.extension().is_some_and(|e| e == "md") {
+            found.push(path);
+        }
+    }
+}
+
+fn pages() -> Vec<PathBuf> {
+    let mut found = Vec::new();
+    markdown(&root(), &mut found);
+    assert!(found.len() > 10, "{found:?}");
+    found
+}
+
+/// Lines with their number, and whether they are code.
+fn lines(text: &str) -> impl Iterator<Item = (usize, &str, bool)> {
+    let mut fenced = false;
+    text.lines().enumerate().map(move |(i, line)| {
+        let fence = line.trim_start().starts_with("```");
+        fenced ^= fence;
+        (i + 1, line, fenced || fence)
+    })
+}
+
+#[test]
+fn every_decision_is_listed_and_has_its_sections() {
+    let folder = root().join("docs/decisions");
+    let index = read(&folder.join("README.md"));
+    let mut numbers = BTreeSet::new();
+    for path in pages().iter().filter(|p| p.parent() == Some(&folder) && !p.ends_with("README.md")) {
+        let name = path.file_name().expect("a name").to_string_lossy().into_owned();
+        let text = read(path);
+        let title = text.lines().next().unwrap_or_default();
+        let (number, title) = title
+            .strip_prefix("# ")
+            .and_then(|t| t.split_once(": "))
+            .unwrap_or_else(|| panic!("{name}: first line"));
+        assert!(name.starts_with(&format!("{number}-")), "{name} is headed {number}");
+        assert!(numbers.insert(number.to_owned()), "{number} twice");
+        assert!(index.contains(&format!("| [{number}]({name}) | {title} |")), "{name} is not in the index");
+        let heads: Vec<_> = text.lines().filter_map(|line| line.strip_prefix("## ")).collect();
+        assert_eq!(heads, SECTIONS, "{name}");
+        let status = text.split("## Status\n\n").nth(1).unwrap_or_default();
+        let known = ["Adopted", "Rejected", "Superseded by ["];
+        assert!(known.iter().any(|word| status.starts_with(word)), "{name}: status {status:?}");
+    }
+    assert_eq!(index.matches("\n| [").count(), numbers.len(), "a row of the index without its page");
+}
+
+#[test]
+fn links_lead_to_files() {
+    for page in pages() {
+        for (number, line, code) in lines(&read(&page)) {
+            if code {
+                continue;
+            }
+            for part in line.split("](").skip(1) {
+                let target = part.split([')', '#', ' ']).next().unwrap_or_default();
+                if target.is_empty() || target.contains("://") || target.starts_with("mailto:") {
+                    continue;
+                }
+                let place = page.parent().expect("a folder").join(target);
+                assert!(place.exists(), "{}:{number}: {target} is not there", page.display());
+            }
+        }
+    }
+}
