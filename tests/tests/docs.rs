@@ -90,3 +90,40 @@ fn links_lead_to_files() {
         }
     }
 }
+
+#[test]
+fn a_model_carries_the_card_beside_it() {
+    for card in pages().iter().filter(|page| page.parent() == Some(&root().join("models"))) {
+        let model = fs::read(card.with_extension("fmat")).expect("each card's model");
+        let word = |at: usize| -> usize {
+            let bytes: [u8; 8] = model[at..at + 8].try_into().expect("eight bytes");
+            usize::try_from(u64::from_le_bytes(bytes)).expect("within the file")
+        };
+        // docs/model-format.md: the table's rows of 32 bytes begin at 64 with four letters.
+        let row = (64..).step_by(32).find(|&row| &model[row..row + 4] == b"CARD").expect("a card");
+        let (start, length) = (word(row + 8), word(row + 16));
+        let same = read(card).as_bytes() == &model[start..start + length];
+        assert!(
+            same,
+            "{}: not what the model carries; run tools/card.py and tools/results.py",
+            card.display()
+        );
+    }
+}
+
+#[test]
+fn figures_are_those_of_the_results() {
+    let results = read(&root().join("docs/results.md"));
+    for page in ["README.md", "models/phone.md"] {
+        let text = read(&root().join(page));
+        let mut quoted = 0;
+        for line in text
+            .lines()
+            .filter(|line| line.starts_with("| ") && (line.contains("MiB |") || line.contains('°')))
+        {
+            assert!(results.contains(line), "{page}: docs/results.md has other figures than {line}");
+            quoted += 1;
+        }
+        assert!(quoted > 1, "{page} quotes nothing");
+    }
+}
