@@ -16,16 +16,24 @@ from torch.utils.data import DataLoader, Dataset
 
 from .. import METAL
 from ..model import network_input
-from ..render.brdf import blended_f0
+from ..procedural.relief import random_slopes
+from ..render.brdf import F0_DIELECTRIC, F0_METAL, blended_f0
 from ..render.camera import CameraNoise, photograph
 from ..render.envmap import Environments
 from ..render.flash import FOV_DEG, render_point, tilted
+from ..render.occlusion import ambient_occlusion, between_surfaces
+from ..slopes import height_of, normals_of, slopes_of
 from .pool import DYED, Pool, blended, dyed, lightened, scale_maps, tinted
 from .procedural_fresh import FreshPool
 
 #: Shares of the crops that are blended with another material of their class, tinted, made lighter or darker (metals are
 #: not), and, of the dyed classes, dyed.
 BLEND_SHARE, TINT_SHARE, LIGHTEN_SHARE, DYE_SHARE = 0.4, 0.5, 0.35, 0.4
+
+
+#: Of the crops with other relief: share with another material's, logarithm of the factor on its slopes; and of those with
+#: a random field the share that keep their own below it.
+BORROWED_SHARE, BORROWED_STRENGTH, ON_TOP_SHARE = 0.4, (-0.3, 1.2), 0.7
 
 
 @dataclass(frozen=True)
@@ -44,17 +52,28 @@ class SceneOptions:
     fov_range: tuple[float, float] = (32.0, 70.0)
     fov_known: float = 0.75  # share of the others whose field of view the network is told
     augment: bool = True  # the paper's scaling of the maps
+    occlusion: float = 0.0  # share of photos whose room is dimmed in crevices, by the height that the normals tell
     camera: CameraNoise = field(default_factory=CameraNoise)
 
 
 class Crops(Dataset):
-    """Crop i: (7,n,n) maps and the class, from real or procedural materials."""
+    """Crop i: (7 or 8,n,n) maps and the class, from real or procedural materials; in a share `relief` of them other
+    relief takes the place of the material's."""
 
-    def __init__(self, pools: list[tuple[Pool | FreshPool, float]], size: int, seed: int, augment: bool, length: int):
+    def __init__(
+        self,
+        pools: list[tuple[Pool | FreshPool, float]],
+        size: int,
+        seed: int,
+        augment: bool,
+        length: int,
+        relief: float = 0.0,
+    ):
         self.pools = [p for p, share in pools if share > 0 and len(p) > 0]
         shares = np.array([share for p, share in pools if share > 0 and len(p) > 0])
         self.shares = shares / shares.sum()
         self.size, self.seed, self.augment, self.length = size, seed, augment, length
+        self.relief = relief
 
     def __len__(self) -> int:
         return self.length
@@ -63,7 +82,8 @@ class Crops(Dataset):
         rng = np.random.default_rng((self.seed, i))
         pool = self.pools[int(rng.choice(len(self.pools), p=self.shares))]
         maps, cls = pool.draw(rng, self.size) if isinstance(pool, Pool) else pool.draw_for(i, rng, self.size)
-        return (self.varied(maps, cls, rng) if self.augment else maps), cls
+        maps = self.varied(maps, cls, rng) if self.augment else maps
+        return (self.other_relief(maps, i) if self.relief else maps), cls
 
     def varied(self, maps: Tensor, cls: int, rng: np.random.Generator) -> Tensor:
         """The maps blended with another material's of the class, tinted, lightened, dyed and scaled, each at random."""
@@ -79,14 +99,32 @@ class Crops(Dataset):
             maps = dyed(maps, rng)
         return scale_maps(maps, cls, rng)
 
+    def other_relief(self, maps: Tensor, i: int) -> Tensor:
+        """The maps of crop i, in a share `relief` of crops with other normals: another material's, of another
+        strength, or a random field's, alone or on top of their own."""
+        rng = np.random.default_rng((self.seed, 1 << 42, i))
+        if rng.random() >= self.relief:
+            return maps
+        if rng.random() < BORROWED_SHARE:
+            other = self.pools[int(rng.choice(len(self.pools), p=self.shares))]
+            drawn = other.draw(rng, self.size) if isinstance(other, Pool) else other.draw_for(i, rng, self.size)
+            slopes = slopes_of(drawn[0][None, 3:6]) * math.exp(rng.uniform(*BORROWED_STRENGTH))
+        else:
+            slopes = torch.from_numpy(random_slopes(rng, self.size))[None]
+            if rng.random() < ON_TOP_SHARE:
+                slopes = slopes + slopes_of(maps[None, 3:6])
+        return torch.cat((maps[:3], normals_of(slopes)[0], maps[6:]))
+
 
 @dataclass
 class Batch:
     """A rendered batch on the training device."""
 
     input: Tensor  # (B,6,n,n)
-    target: dict[str, Tensor]  # maps, cls; known (B,): the flash's strength is; room (B,): the environment's over it
-    f0: Tensor  # (B,1,1,1)
+    target: dict[
+        str, Tensor
+    ]  # maps, cls, metallic if it has any; known (B,): the flash's strength is; room (B,): the environment's over it
+    f0: Tensor  # (B,1,1,1); (B,1,n,n) where maps have a metallic channel
     points: Tensor  # (B,3,n,n)
     view: Tensor  # (B,3,n,n)
     light: Tensor  # (B,3) the flash
@@ -97,15 +135,19 @@ class Batch:
 def render_batch(
     maps: Tensor, cls: Tensor, env: Environments, options: SceneOptions, rng: np.random.Generator
 ) -> Batch:
-    """Renders crops (B,7,n,n) into photos under a random flash, environment and camera."""
+    """Renders crops (B,7 or 8,n,n) into photos under a random flash, environment and camera."""
     b, _, n, _ = maps.shape
     dev = maps.device
 
     def tensor(x: np.ndarray) -> Tensor:
         return torch.tensor(x, dtype=torch.float32, device=dev)
 
-    albedo, normal, rough = maps[:, :3], maps[:, 3:6], maps[:, 6:]
-    f0 = blended_f0((cls == METAL).float())
+    albedo, normal, rough, metallic = maps[:, :3], maps[:, 3:6], maps[:, 6:7], maps[:, 7:]
+    f0 = (
+        F0_DIELECTRIC + (F0_METAL - F0_DIELECTRIC) * metallic
+        if maps.shape[1] > 7
+        else blended_f0((cls == METAL).float())
+    )
     exact = rng.random(b) < options.fov_exact
     fov = np.where(exact, FOV_DEG, rng.uniform(*options.fov_range, size=b))
     told = np.where(rng.random(b) < options.fov_known, fov, FOV_DEG)
@@ -124,9 +166,15 @@ def render_batch(
     index = torch.tensor(rng.integers(len(env), size=b), device=dev)
     spin = tensor(rng.uniform(0, 2 * math.pi, size=b))
     ambient = env.render(index, spin, albedo, normal, rough, f0, geometry.view)
+    if options.occlusion:
+        dimmed = tensor(rng.random(b) < options.occlusion)[:, None, None, None] > 0
+        seen = between_surfaces(ambient_occlusion(height_of(slopes_of(normal))), albedo)
+        ambient = torch.where(dimmed, ambient * seen, ambient)
     radiance = radiance + ambient * strength[:, None, None, None]
     photo, known = photograph(radiance, rng, options.camera)
     target = {"albedo": albedo, "normal": normal, "roughness": rough, "cls": cls, "known": known, "room": strength}
+    if maps.shape[1] > 7:
+        target["metallic"] = metallic
     return Batch(
         network_input(photo, known, tensor(told)),
         target,

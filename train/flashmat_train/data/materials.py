@@ -32,11 +32,13 @@ class Entry:
 
 @dataclass
 class Material:
-    """Maps of one material, uint8: albedo sRGB (3), normal (3, (n+1)/2 * 255), roughness (1), stacked (7,H,W)."""
+    """Maps of one material, uint8: albedo sRGB (3), normal (3, (n+1)/2 * 255), roughness (1), stacked (7,H,W); and,
+    where it has one and it was asked for, the metallic map (H,W)."""
 
     cls: int
     name: str
     maps: np.ndarray
+    metallic: np.ndarray | None = None
 
 
 def data_root(option: str | None) -> Path:
@@ -90,16 +92,20 @@ def scan(root: Path) -> tuple[list[Entry], list[str]]:
     return entries, problems
 
 
-def load(entry: Entry) -> Material:
-    """Reads the maps of one folder; raises OSError or ValueError with the file's name."""
+def load(entry: Entry, metallic: bool = False) -> Material:
+    """Reads the maps of one folder, the metallic map only if asked to; raises OSError or ValueError with the file's
+    name."""
     try:
         albedo = np.asarray(Image.open(entry.files["albedo"]).convert("RGB"))
         normal = np.asarray(Image.open(entry.files["normal"]).convert("RGB"))
         rough = np.asarray(Image.open(entry.files["roughness"]).convert("L"))[..., None]
+        metal = None
+        if metallic and "metallic" in entry.files:
+            metal = np.asarray(Image.open(entry.files["metallic"]).convert("L"))
     except OSError as e:
         raise OSError(f"{entry.folder}: {e}") from e
     maps = np.concatenate((albedo, normal, rough), axis=2).transpose(2, 0, 1)
-    return Material(entry.cls, entry.name, np.ascontiguousarray(maps))
+    return Material(entry.cls, entry.name, np.ascontiguousarray(maps), metal)
 
 
 def _find(folder: Path, name: str) -> Path | None:

@@ -1,5 +1,8 @@
 """The materials in memory: uint8 mip pyramids, and random crops out of them.
 
+Maps have seven channels (linear albedo, unit normal, roughness), or eight: metallic, for renders whose F0 varies from
+pixel to pixel.
+
 A crop has any scale, flips and a rotation by a multiple of 45°, its normals turned with it (paper, "Dataset" and
 appendix "Details of Data Augmentation"). Materials wrap around: nearly all of them tile.
 """
@@ -35,7 +38,7 @@ def srgb_encode(x: Tensor) -> Tensor:
 
 
 def to_float(maps: Tensor) -> Tensor:
-    """uint8 (7,H,W) to linear albedo, unit normal, roughness."""
+    """uint8 (7 or 8,H,W) to linear albedo, unit normal, roughness, and metallic."""
     x = maps.float() / 255.0
     n = x[3:6] * 2.0 - 1.0
     n = torch.cat((n[:2], n[2:].clamp_min(1e-3)))
@@ -61,11 +64,20 @@ def pyramid(maps: Tensor, smallest: int = 96) -> list[Tensor]:
     return levels
 
 
-class Pool:
-    """Materials with their pyramids; draws classes evenly-ish and crops at random."""
+def with_metallic(m: Material) -> np.ndarray:
+    """(8,H,W) maps: the metallic map last; of a material without one all or nothing, as its class says."""
+    metal = m.metallic
+    if metal is None:
+        metal = np.full(m.maps.shape[1:], 255 if m.cls == METAL else 0, np.uint8)
+    return np.concatenate((m.maps, metal[None]))
 
-    def __init__(self, materials: list[Material], class_power: float = 0.5):
-        self.levels = [pyramid(torch.from_numpy(m.maps)) for m in materials]
+
+class Pool:
+    """Materials with their pyramids; draws classes evenly-ish and crops at random. `metallic`: maps have eight
+    channels."""
+
+    def __init__(self, materials: list[Material], class_power: float = 0.5, metallic: bool = False):
+        self.levels = [pyramid(torch.from_numpy(with_metallic(m) if metallic else m.maps)) for m in materials]
         self.classes = np.array([m.cls for m in materials])
         self.names = [m.name for m in materials]
         counts = np.bincount(self.classes, minlength=8).astype(float)
@@ -164,8 +176,8 @@ def scale_maps(x: Tensor, cls: int, rng: np.random.Generator) -> Tensor:
     albedo = (x[:3] * math.exp(rng.uniform(math.log(low), math.log(high)))).clamp(0, 1)
     n = torch.cat((x[3:5] * float(rng.uniform(0.8, 1.4)), x[5:6]))
     n = n / n.square().sum(dim=0, keepdim=True).sqrt()
-    rough = (x[6:] * max(float(rng.normal(1.0, 0.2)), 0.2)).clamp(0.02, 1)
-    return torch.cat((albedo, n, rough))
+    rough = (x[6:7] * max(float(rng.normal(1.0, 0.2)), 0.2)).clamp(0.02, 1)
+    return torch.cat((albedo, n, rough, x[7:]))
 
 
 #: Standard deviation of the logarithm of a tint's factors.

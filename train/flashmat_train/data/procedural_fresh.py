@@ -24,8 +24,9 @@ WINDOW = 8
 class FreshPool:
     """Stands where a `Pool` stands; its materials are made when they are first drawn from."""
 
-    def __init__(self, seed: int, lanes: int, batch: int, reuse: int, size: int = 512):
+    def __init__(self, seed: int, lanes: int, batch: int, reuse: int, size: int = 512, metallic: bool = False):
         self.seed, self.lanes, self.batch, self.reuse, self.size = seed, lanes, batch, reuse, size
+        self.metallic = metallic
         self.classes = np.arange(len(CLASSES))
         self.weight = np.full(len(CLASSES), 1 / len(CLASSES))
         self._made: OrderedDict[int, Pool] = OrderedDict()
@@ -44,7 +45,7 @@ class FreshPool:
         """A random crop for sample number `sample`, and its class."""
         number = self.number(rng, sample)
         if number not in self._made:
-            self._made[number] = Pool([self._make(number)])
+            self._made[number] = Pool([self._make(number)], metallic=self.metallic)
             while len(self._made) > WINDOW:
                 self._made.popitem(last=False)
         self._made.move_to_end(number)
@@ -56,4 +57,5 @@ class FreshPool:
         seed = int(np.random.default_rng((self.seed, 1 << 41, number)).integers(2**62))
         m = generate(None, self.size, torch.Generator().manual_seed(seed))
         maps = to_bytes(torch.cat((m.albedo, m.normal, m.roughness))).numpy()
-        return Material(m.cls, f"fresh-{number}", maps)
+        metallic = None if m.metallic is None else (m.metallic[0] * 255 + 0.5).byte().numpy()
+        return Material(m.cls, f"fresh-{number}", maps, metallic)

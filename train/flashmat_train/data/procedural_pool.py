@@ -1,4 +1,5 @@
-"""A folder of procedural materials (.npy, uint8 (7,H,W), named <class>-<family>-<seed>.npy): written and read."""
+"""A folder of procedural materials (.npy, uint8 (7,H,W), or (8,H,W) where a material is metal in places, named
+<class>--<family>--<seed>.npy): written and read."""
 
 from __future__ import annotations
 
@@ -37,7 +38,8 @@ def run(args: argparse.Namespace) -> None:
         if path.exists():
             continue
         m = generate(cls, args.size, torch.Generator().manual_seed(seed), "cpu", family)
-        maps = to_bytes(torch.cat((m.albedo, m.normal, m.roughness))).numpy()
+        parts = (m.albedo, m.normal, m.roughness)
+        maps = to_bytes(torch.cat(parts if m.metallic is None else (*parts, m.metallic))).numpy()
         beside = path.with_suffix(".tmp.npy")
         np.save(beside, maps)
         beside.replace(path)
@@ -50,9 +52,10 @@ def read_pool(folder: Path) -> list[Material]:
         if path.name.endswith(".tmp.npy"):
             continue
         maps = np.load(path)
-        if maps.dtype != np.uint8 or maps.ndim != 3 or maps.shape[0] != 7:
-            raise SystemExit(f"{path}: not a procedural material (uint8, 7 channels)")
-        out.append(Material(CLASSES.index(path.name.split("--")[0]), path.stem, maps))
+        if maps.dtype != np.uint8 or maps.ndim != 3 or maps.shape[0] not in (7, 8):
+            raise SystemExit(f"{path}: not a procedural material (uint8, 7 or 8 channels)")
+        metallic = maps[7] if len(maps) == 8 else None
+        out.append(Material(CLASSES.index(path.name.split("--")[0]), path.stem, maps[:7], metallic))
     if not out:
         raise SystemExit(f"{folder}: no procedural materials; make some with `python -m flashmat_train procedural`")
     return out

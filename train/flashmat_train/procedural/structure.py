@@ -23,6 +23,7 @@ class Surface:
     roughness: Tensor  # (n, n)
     slope: float  # root mean square slope of the finished normals, before the soft limit
     limit: float = 2.5  # steepest slope
+    metallic: Tensor | None = None  # (n, n) in [0, 1], of a surface that is metal in places
 
 
 @dataclass
@@ -34,6 +35,7 @@ class Material:
     roughness: Tensor
     cls: int
     family: str
+    metallic: Tensor | None = None  # (1,n,n); None: all or nothing, as the class says
 
 
 def srgb_to_linear(x: Tensor) -> Tensor:
@@ -110,6 +112,7 @@ def finish(s: Surface, cls: int, family: str) -> Material:
         s.roughness.clamp(0.02, 1.0)[None].contiguous(),
         cls,
         family,
+        None if s.metallic is None else s.metallic.clamp(0, 1)[None].contiguous(),
     )
 
 

@@ -77,7 +77,9 @@ def configure(args: argparse.Namespace) -> NetworkConfig:
 
 
 def load_pools(args: argparse.Namespace) -> tuple[list[tuple[AnyPool, float]], Pool, Environments]:
-    """(training pools with shares, validation pool, environments), from folders or a pack."""
+    """(training pools with shares, validation pool, environments), from folders or a pack; with --metallic, crops have
+    that channel."""
+    metallic = getattr(args, "metallic", False)
     if args.pack:
         from ..pack import unpack
 
@@ -87,21 +89,23 @@ def load_pools(args: argparse.Namespace) -> tuple[list[tuple[AnyPool, float]], P
         entries, problems = scan(root)
         for line in problems:
             print("skipped", line)
-        train = [load(e) for e in entries if e.split == "train"]
-        val = [load(e) for e in entries if e.split == "val"]
+        train = [load(e, metallic) for e in entries if e.split == "train"]
+        val = [load(e, metallic) for e in entries if e.split == "val"]
         env = Environments.from_folder(root / "envmaps")
     procedural: AnyPool | None = None
     if getattr(args, "procedural", None):
-        procedural = Pool(read_pool(args.procedural))
+        procedural = Pool(read_pool(args.procedural), metallic=metallic)
     elif getattr(args, "procedural_fresh", 0):
-        procedural = FreshPool(args.seed, lanes=max(1, args.workers), batch=args.batch, reuse=args.procedural_fresh)
+        procedural = FreshPool(
+            args.seed, lanes=max(1, args.workers), batch=args.batch, reuse=args.procedural_fresh, metallic=metallic
+        )
     share = args.procedural_share if procedural is not None else 0.0
     if not train and share < 1:
         raise SystemExit("no training materials: the data folder has none of split 'train' with all its maps")
-    pools: list[tuple[AnyPool, float]] = [(Pool(train), 1.0 - share)] if train else []
+    pools: list[tuple[AnyPool, float]] = [(Pool(train, metallic=metallic), 1.0 - share)] if train else []
     if procedural is not None:
         pools.append((procedural, share))
-    return pools, Pool(val), env
+    return pools, Pool(val, metallic=metallic), env
 
 
 def folded(pools: list[tuple[AnyPool, float]], k: int, count: int) -> list[tuple[AnyPool, float]]:
