@@ -31,8 +31,8 @@ from .procedural_fresh import FreshPool
 BLEND_SHARE, TINT_SHARE, LIGHTEN_SHARE, DYE_SHARE = 0.4, 0.5, 0.35, 0.4
 
 
-#: Of the crops with other relief: share with another material's, logarithm of the factor on its slopes; and of those with
-#: a random field the share that keep their own below it.
+#: Of the crops with other relief: the share with another material's, the logarithm of the factor on its slopes, and, of
+#: those with a random field, the share that keep their own below it.
 BORROWED_SHARE, BORROWED_STRENGTH, ON_TOP_SHARE = 0.4, (-0.3, 1.2), 0.7
 
 

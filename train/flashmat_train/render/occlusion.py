@@ -19,7 +19,7 @@ DIRECTIONS = tuple((math.cos(k * math.pi / 4), math.sin(k * math.pi / 4)) for k 
 
 
 def ambient_occlusion(height: Tensor) -> Tensor:
-    """(B,1,H,W) share of an even sky's light that each pixel gets: 1 for a plane; beyond the border its pixels repeat."""
+    """(B,1,H,W) share of an even sky's light that each pixel gets: 1 on a plane; border pixels repeat beyond it."""
     reach = max(STEPS)
     h, w = height.shape[2:]
     wide = F.pad(height, (reach,) * 4, mode="replicate")
