@@ -5,8 +5,9 @@ from __future__ import annotations
 import pytest
 import torch
 
-from flashmat_train.procedural import CLASSES, FAMILIES, generate
+from flashmat_train.procedural import CLASSES, FAMILIES, WEIGHTS, generate
 from flashmat_train.procedural.contact_sheet import block, flash_photo
+from flashmat_train.procedural.mixed import combined
 from flashmat_train.procedural.noise import (
     Draw,
     blur,
@@ -18,7 +19,7 @@ from flashmat_train.procedural.noise import (
     warp,
     worley,
 )
-from flashmat_train.procedural.structure import height_to_normal
+from flashmat_train.procedural.structure import Surface, finish, height_to_normal
 from flashmat_train.procedural.tiles import basket_tiles, brick_tiles, herringbone_tiles, hexagon_tiles
 
 PAIRS = [(cls, family) for cls in CLASSES for family in FAMILIES[cls]]
@@ -215,3 +216,42 @@ def test_flash_photo_of_white_is_one_at_the_centre() -> None:
     assert abs(float(photo[0, n // 2, n // 2]) - (1 + 0.05 / 4)) < 2e-3
     assert photo[0, 0, 0] < photo[0, n // 2, n // 2]
     assert block(white, 32, "white").size == (64, 64)
+
+
+METAL_IN_PLACES = {("metal", "printed"), ("metal", "worn_paint"), ("wood", "wood_inlay"), ("stone-spec", "stone_inlay")}
+
+
+def test_metal_in_places_is_told() -> None:
+    """These families have a metallic map that is neither all nor nothing, of some seed; all others have none."""
+    for cls, family in sorted(METAL_IN_PLACES):
+        made = [generate(cls, 48, rng(s), "cpu", family).metallic for s in range(4)]
+        some = [m for m in made if m is not None]
+        assert some, family
+        assert all(m.shape == (1, 48, 48) and float(m.min()) >= 0 and float(m.max()) <= 1 for m in some), family
+        assert any(0 < float(m.mean()) < 1 for m in some), family
+    for cls, family in (("metal", "foil"), ("fabric", "towel"), ("stone-diff", "wet")):
+        assert generate(cls, 32, rng(1), "cpu", family).metallic is None
+
+
+def test_weights_are_of_families_that_there_are() -> None:
+    assert all(family in FAMILIES[cls] for cls, family in (name.split("/") for name in WEIGHTS))
+
+
+def test_combined_surfaces_keep_their_own_relief() -> None:
+    """Where the mask is 0 the first's slopes and maps, where it is 1 the second's, in one height."""
+    n = 64
+    d = Draw(rng(3), "cpu")
+    u, _ = d.grid(n)
+
+    def surface(slope: float, grey: float) -> Surface:
+        wave = torch.sin(2 * torch.pi * 8 * u)
+        return Surface(torch.full((3, n, n), grey), wave, torch.full((n, n), grey), slope)
+
+    where = (u > 0.5).float()
+    both = finish(combined(surface(0.1, 0.2), surface(0.4, 0.6), where), 0, "both")
+    slope = both.normal[0].abs() / both.normal[2]
+    left, right = (float(slope[:, a:b].square().mean().sqrt()) for a, b in ((4, 28), (36, 60)))
+    assert left == pytest.approx(0.1, rel=0.1) and right == pytest.approx(0.4, rel=0.1)
+    assert float(both.roughness[0, 0, 8]) == pytest.approx(0.2) and float(both.roughness[0, 0, 56]) == pytest.approx(
+        0.6
+    )

@@ -9,7 +9,7 @@ from collections.abc import Callable
 
 import torch
 
-from . import fabric, ground, leather, metal, polymer, stone_diff, stone_spec, wood
+from . import fabric, ground, leather, metal, mixed, polymer, stone_diff, stone_spec, wood
 from .noise import Draw
 from .structure import Material, Surface, finish, season
 
@@ -27,6 +27,7 @@ FAMILIES: dict[str, dict[str, Family]] = {
     "polymer": polymer.FAMILIES,
     "wood": wood.FAMILIES,
 }
+FAMILIES = {cls: families | mixed.FAMILIES.get(cls, {}) for cls, families in FAMILIES.items()}
 CLASSES: tuple[str, ...] = tuple(FAMILIES)
 # How often a family is drawn, where it is not 1: real sets hold more plain sheets than tread plates.
 WEIGHTS: dict[str, float] = {
@@ -57,6 +58,11 @@ WEIGHTS: dict[str, float] = {
     "leather/pebbled": 2,
     "leather/nappa": 1.5,
     "leather/aged": 1.5,
+    "leather/patent": 2,
+    "fabric/towel": 1.5,
+    "metal/printed": 1.5,
+    "metal/worn_paint": 2,
+    "polymer/lacquer": 1.5,
 }
 
 
