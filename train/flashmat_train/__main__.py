@@ -8,6 +8,7 @@ import importlib
 STAGES = {
     "procedural": ("data.procedural_pool", "make procedural materials"),
     "train": ("train", "train a network"),
+    "detail": ("detail.stage", "train the detail network beside a global one"),
     "classifier": ("classifier", "fit the classifier to the pretrained trunk"),
     "sample-photo": ("sample", "render the sample photo of the quick start"),
     "curves": ("curves", "draw a run's curves"),

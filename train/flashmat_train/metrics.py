@@ -30,6 +30,8 @@ def map_errors(predicted: dict[str, Tensor], target: dict[str, Tensor]) -> dict[
         "roughness_rmse": math.sqrt(float(r)),
         "angle_deg": math.degrees(float(torch.acos(cos).mean())),
     }
+    if "metallic" in predicted and "metallic" in target:
+        out["metallic_rmse"] = math.sqrt(float((predicted["metallic"] - target["metallic"]).square().mean()))
     if "class_logits" in predicted:
         out["class_accuracy"] = float((predicted["class_logits"].argmax(dim=1) == target["cls"]).float().mean())
     return out

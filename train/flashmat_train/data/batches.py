@@ -142,7 +142,7 @@ def render_batch(
     def tensor(x: np.ndarray) -> Tensor:
         return torch.tensor(x, dtype=torch.float32, device=dev)
 
-    albedo, normal, rough, metallic = maps[:, :3], maps[:, 3:6], maps[:, 6:7], maps[:, 7:]
+    albedo, normal, rough, metallic = maps[:, :3], maps[:, 3:6], maps[:, 6:7], maps[:, 7:].clamp(0, 1)
     f0 = (
         F0_DIELECTRIC + (F0_METAL - F0_DIELECTRIC) * metallic
         if maps.shape[1] > 7

@@ -62,14 +62,15 @@ class Stopwatch:
 class Trainer:
     """Everything that one process holds while it trains."""
 
-    def __init__(self, args: argparse.Namespace, place: Place, pools: list[tuple[AnyPool, float]]):
+    def __init__(self, args: argparse.Namespace, place: Place, pools: list[tuple[AnyPool, float]] | None):
         self.args, self.place, self.path = args, place, args.out / "last.pt"
         self.start, self.seconds = 0, 0.0
         self.before = 0  # samples that the weights of --init had seen
         self.network: Network
         self.learner: Learner
         self.folds: list[dict[str, Tensor]] = []  # classifiers, each of which has not seen one fold of the materials
-        self.weights = class_weights(pools).to(place.device)
+        if pools is not None:
+            self.weights = class_weights(pools).to(place.device)
 
     def build(self, config: NetworkConfig) -> None:
         """Makes the network, or takes it up where a checkpoint left it."""

@@ -76,9 +76,11 @@ def configure(args: argparse.Namespace) -> NetworkConfig:
     return replace(config, mixing=False) if args.variant == "basic" else config
 
 
-def load_pools(args: argparse.Namespace) -> tuple[list[tuple[AnyPool, float]], Pool, Environments]:
+def load_pools(
+    args: argparse.Namespace, training: bool = True
+) -> tuple[list[tuple[AnyPool, float]], Pool, Environments]:
     """(training pools with shares, validation pool, environments), from folders or a pack; with --metallic, crops have
-    that channel."""
+    that channel; the first are none if not `training`."""
     metallic = getattr(args, "metallic", False)
     if args.pack:
         from ..pack import unpack
@@ -89,9 +91,11 @@ def load_pools(args: argparse.Namespace) -> tuple[list[tuple[AnyPool, float]], P
         entries, problems = scan(root)
         for line in problems:
             print("skipped", line)
-        train = [load(e, metallic) for e in entries if e.split == "train"]
+        train = [load(e, metallic) for e in entries if e.split == "train" and training]
         val = [load(e, metallic) for e in entries if e.split == "val"]
         env = Environments.from_folder(root / "envmaps")
+    if not training:
+        return [], Pool(val, metallic=metallic), env
     procedural: AnyPool | None = None
     if getattr(args, "procedural", None):
         procedural = Pool(read_pool(args.procedural), metallic=metallic)

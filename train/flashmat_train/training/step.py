@@ -80,21 +80,29 @@ class Learner:
     says how many such steps there were and, if any, goes back to the last state that `keep` kept.
     """
 
-    def __init__(self, network: Network, ema_decay: float, lr: float):
+    def __init__(self, network: nn.Module, ema_decay: float, lr: float):
         self.network, self.ema = network, Ema(network, ema_decay)
         self.parameters = [p for p in network.parameters() if p.requires_grad]
-        self.optimizer = torch.optim.AdamW(self.parameters, lr=lr, betas=(0.9, 0.99), weight_decay=1e-4, fused=True)
+        self.optimizer = self.make_optimizer(lr)
         self.device = self.parameters[0].device
         self.bad = torch.zeros((), device=self.device)
         self.sums: dict[str, Tensor] = {}
         self.count = 0
         self._kept: dict | None = None
 
+    def make_optimizer(self, lr: float) -> torch.optim.Optimizer:
+        """What steps the parameters."""
+        return torch.optim.AdamW(self.parameters, lr=lr, betas=(0.9, 0.99), weight_decay=1e-4, fused=True)
+
+    def losses(self, module: nn.Module, batch: Batch, bf16: bool) -> dict[str, Tensor]:
+        """The losses of a batch; `total` is what the step lowers."""
+        return forward_losses(module, batch, bf16)
+
     def step(self, module: nn.Module, batch: Batch, bf16: bool, lr: float, step: int) -> None:
         """One step; losses are summed on the device until `take_means`."""
         for g in self.optimizer.param_groups:
             g["lr"] = lr
-        out = forward_losses(module, batch, bf16)
+        out = self.losses(module, batch, bf16)
         self.optimizer.zero_grad(set_to_none=True)
         out["total"].backward()
         norm = nn.utils.clip_grad_norm_(self.parameters, 1.0)
