@@ -60,6 +60,15 @@ fn the_example_writes_the_maps_of_a_photo() {
     assert_eq!(missing.status.code(), Some(1));
 }
 
+#[test]
+fn the_lines_of_the_readme_run() {
+    let source = root().join("../examples/c/readme.c");
+    for build in [Build::C99, Build::Sanitized] {
+        let said = run(Command::new(program(&source, build)).arg(toy_model()));
+        assert!(said.contains("residual"), "{said}");
+    }
+}
+
 /// The package files, as an installed library's users have them.
 #[test]
 fn pkg_config_and_cmake_find_an_installed_library() {

@@ -1,4 +1,5 @@
-//! The documents: no page is missing from its index, no link is broken.
+//! The documents: no page is missing from its index, no link is broken, figures are quoted rightly, and the code that the
+//! README shows is code that the tests compile.
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -125,5 +126,30 @@ fn figures_are_those_of_the_results() {
             quoted += 1;
         }
         assert!(quoted > 1, "{page} quotes nothing");
+    }
+}
+
+#[test]
+fn code_of_the_readme_is_code_that_is_compiled() {
+    let homes = [
+        ("rust", "core/examples/readme.rs"),
+        ("c", "examples/c/readme.c"),
+        ("kotlin", "android/flashmat/src/hostTest/kotlin/com/flashmat/ReadmeTest.kt"),
+        ("swift", "ios/Tests/FlashmatTests/ReadmeTests.swift"),
+    ];
+    let readme = read(&root().join("README.md"));
+    for (language, home) in homes {
+        let fence = format!("\n```{language}\n");
+        let mut blocks = readme.split(&fence).skip(1);
+        let block = blocks.next().and_then(|rest| rest.split("```").next()).expect(language);
+        assert!(block.lines().count() >= 5, "{language}: {block}");
+        assert!(blocks.next().is_none(), "{language}: a second block, which no test compiles");
+        assert!(
+            read(&root().join(home)).contains(block),
+            "{home} does not have the README's lines:\n{block}"
+        );
+    }
+    for command in ["cargo run --release -p flashmat -- capture samples/leather.jpg", "`./ci.sh`"] {
+        assert!(readme.contains(command), "the README must have the command {command}");
     }
 }
