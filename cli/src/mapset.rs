@@ -2,8 +2,8 @@
 use crate::failure::Failure;
 use crate::material::OwnedMaps;
 use crate::photo::{self, Photo};
-use flashmat_core::arena::Arena;
-use flashmat_core::exec::Inline;
+use flashmat_core::base::arena::Arena;
+use flashmat_core::base::exec::Inline;
 use flashmat_core::frame::{self, Encoding, FieldOfView};
 use glam::Vec3;
 use std::path::{Path, PathBuf};

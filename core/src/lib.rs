@@ -19,28 +19,21 @@ extern crate alloc;
 #[cfg(any(feature = "std", test))]
 extern crate std;
 
-pub mod arena;
+pub mod base;
 pub mod brdf;
 pub mod crf;
-mod error;
-pub mod exec;
 pub mod frame;
 pub mod highlight;
 pub mod kernels;
-mod lanes;
 pub mod maps;
-pub mod math;
 pub mod net;
 mod observer;
 pub mod pipeline;
-mod pyramid;
 pub mod search;
 #[cfg(feature = "alloc")]
 mod session;
-#[cfg(test)]
-mod testing;
 
-pub use error::Error;
+pub use base::{Error, ModelError};
 pub use observer::{Observer, Silent, Stage};
 #[cfg(feature = "alloc")]
 pub use session::{Session, SessionOptions};

@@ -4,6 +4,7 @@
 //! x right, y up, z to the camera (OpenGL). Roughness: 1 plane, perceptual (alpha = r²), [0,1]. Planes are
 //! `size` x `size`, row-major, top row first.
 use crate::Error;
+use crate::base::planes::{check_planes, plane_row};
 use crate::frame::transfer::linear_to_srgb;
 
 /// Shared view of a material's maps.
@@ -38,18 +39,6 @@ impl MapsMut<'_> {
     pub fn as_maps(&self) -> Maps<'_> {
         Maps { size: self.size, albedo: self.albedo, normal: self.normal, roughness: self.roughness }
     }
-}
-
-/// Checks that `planes` planes of `size` x `size` make up a slice of `given` values.
-///
-/// # Errors
-/// [`Error::PlaneLength`] when they do not, [`Error::Size`] when `size` is 0 or too large.
-pub fn check_planes(size: usize, planes: usize, given: usize) -> Result<(), Error> {
-    if size == 0 || size > crate::frame::MAX_SIZE {
-        return Err(Error::Size { size });
-    }
-    let needed = planes.saturating_mul(size * size);
-    if given == needed { Ok(()) } else { Err(Error::PlaneLength { needed, given }) }
 }
 
 /// A file's channel type: u8 or u16, full range.
@@ -139,13 +128,6 @@ fn check_row(size: usize, row: usize, planes: usize, given: usize, out: usize) -
         return Err(Error::Size { size: row });
     }
     if out == planes * size { Ok(()) } else { Err(Error::PlaneLength { needed: planes * size, given: out }) }
-}
-
-/// Row `row` of a plane of rows of `size` values; empty when it is outside.
-#[must_use]
-pub fn plane_row(plane: &[f32], size: usize, row: usize) -> &[f32] {
-    let start = row.saturating_mul(size);
-    plane.get(start..start.saturating_add(size)).unwrap_or(&[])
 }
 
 #[cfg(test)]

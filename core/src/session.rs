@@ -1,10 +1,11 @@
 //! A session owns what a run needs: the façade that the command line, the C library and the Android library share.
-use crate::exec::{At, Executor, Inline};
+use crate::base::exec::{At, Executor, Inline};
+use crate::base::simd::{Level, Simd};
 use crate::frame::Frame;
-use crate::kernels::{Kernels, Level, Simd};
+use crate::kernels::Kernels;
 use crate::net::scales::Scales;
-use crate::net::{Model, Network};
-use crate::pipeline::{self, Capture, CaptureOptions, Engine};
+use crate::net::{Inference, Model, Network};
+use crate::pipeline::{self, Capture, CaptureOptions};
 use crate::{Error, Observer};
 use alloc::boxed::Box;
 use alloc::vec::Vec;
@@ -28,7 +29,7 @@ impl Default for SessionOptions {
 
 /// Owns workspace, kernels and threads; captures one photo at a time.
 pub struct Session<'m> {
-    engine: Box<dyn Engine + Send + 'm>,
+    engine: Box<dyn Inference + Send + 'm>,
     exec: Box<dyn Executor + Send>,
     workspace: Vec<u8>,
     level: Level,
@@ -59,7 +60,11 @@ impl<'m> Session<'m> {
         Self::with_engine(Box::new(engine), level(options.level)?, options.threads)
     }
 
-    fn with_engine(engine: Box<dyn Engine + Send + 'm>, level: Level, threads: usize) -> Result<Self, Error> {
+    fn with_engine(
+        engine: Box<dyn Inference + Send + 'm>,
+        level: Level,
+        threads: usize,
+    ) -> Result<Self, Error> {
         let needed = pipeline::workspace_bytes(&*engine);
         let mut workspace = Vec::new();
         workspace.try_reserve_exact(needed).map_err(|_| Error::WorkspaceTooSmall { needed, available: 0 })?;
@@ -120,7 +125,7 @@ fn executor(threads: usize) -> Result<Box<dyn Executor + Send>, Error> {
     if threads == 1 {
         return Ok(Box::new(Inline));
     }
-    Ok(Box::new(crate::exec::Pool::new(threads)?))
+    Ok(Box::new(crate::base::exec::Pool::new(threads)?))
 }
 
 #[cfg(not(feature = "parallel"))]

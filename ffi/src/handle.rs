@@ -36,7 +36,7 @@ self_cell!(
 pub struct flashmat_engine {
     state: AtomicU32,
     size: usize,
-    level: flashmat_core::kernels::Level,
+    level: flashmat_core::base::simd::Level,
     checksum: u32,
     workspace_bytes: usize,
     session: Mutex<Owned>,
@@ -79,7 +79,7 @@ impl flashmat_engine {
         self.size
     }
 
-    pub(crate) fn level(&self) -> flashmat_core::kernels::Level {
+    pub(crate) fn level(&self) -> flashmat_core::base::simd::Level {
         self.level
     }
 

@@ -8,8 +8,8 @@ use crate::types::{
 };
 use bytemuck::Pod;
 use core::ops::ControlFlow;
+use flashmat_core::base::simd::Level;
 use flashmat_core::frame::{Encoding, FieldOfView, Frame, PhotoFov, Range, Rotation, YuvMatrix, YuvPlanes};
-use flashmat_core::kernels::Level;
 use flashmat_core::net::Class;
 use flashmat_core::pipeline::CaptureOptions;
 use flashmat_core::{Observer, Stage};

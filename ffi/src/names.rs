@@ -57,7 +57,7 @@ pub extern "C" fn flashmat_level_name(level: u32) -> *const c_char {
 mod tests {
     use super::*;
     use flashmat_core::Stage;
-    use flashmat_core::kernels::Level;
+    use flashmat_core::base::simd::Level;
     use flashmat_core::net::Class;
 
     #[test]

@@ -12,8 +12,9 @@ use crate::types::{
     flashmat_capture_options, flashmat_engine_options, flashmat_frame, flashmat_maps, flashmat_report,
 };
 use core::ffi::c_void;
-use flashmat_core::exec::Inline;
-use flashmat_core::kernels::{Kernels, Level};
+use flashmat_core::base::exec::Inline;
+use flashmat_core::base::simd::Level;
+use flashmat_core::kernels::Kernels;
 use flashmat_core::net::Model;
 use flashmat_core::pipeline::Pipeline;
 

@@ -73,7 +73,7 @@ fn every_export_that_can_fail_is_guarded() {
 
 #[test]
 fn every_error_of_the_core_has_a_status_of_its_own_choice() {
-    let errors = fs::read_to_string(root().join("../core/src/error.rs")).expect("core");
+    let errors = fs::read_to_string(root().join("../core/src/base/error.rs")).expect("core");
     let body =
         errors.split("pub enum Error {").nth(1).and_then(|rest| rest.split("\n}").next()).expect("enum");
     let variants = body

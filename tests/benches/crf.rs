@@ -4,14 +4,14 @@
 //! without any of the product's filters: all pairs of pixels, at a small size (`pairs` is the product's there).
 use divan::Bencher;
 use divan::counter::ItemsCount;
-use flashmat_core::arena::Arena;
+use flashmat_core::base::arena::Arena;
+use flashmat_core::base::exec::{At, Inline};
+use flashmat_core::base::simd::{Level, Simd};
 use flashmat_core::brdf::{self, Light};
 use flashmat_core::crf::exact::Dense;
 use flashmat_core::crf::scenes::{FOV, Scene};
 use flashmat_core::crf::solver::{Operator, VECTORS, solve};
 use flashmat_core::crf::{self, Coefficients, Energy, Options};
-use flashmat_core::exec::{At, Inline};
-use flashmat_core::kernels::{Level, Simd};
 use flashmat_core::maps::Maps;
 use flashmat_core::search;
 

@@ -2,10 +2,10 @@
 //! thread, the fastest level; items are the photo's pixels in the square.
 use divan::Bencher;
 use divan::counter::ItemsCount;
-use flashmat_core::arena::Arena;
-use flashmat_core::exec::{At, Inline};
+use flashmat_core::base::arena::Arena;
+use flashmat_core::base::exec::{At, Inline};
+use flashmat_core::base::simd::{Level, Simd};
 use flashmat_core::frame::{FieldOfView, Frame, prepare, prepare_bytes};
-use flashmat_core::kernels::{Level, Simd};
 
 fn main() {
     divan::main();

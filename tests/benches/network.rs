@@ -4,8 +4,9 @@
 //! "fastest" is the figure that other programs on the machine disturb least.
 use divan::Bencher;
 use divan::counter::ItemsCount;
-use flashmat_core::exec::{Executor, Inline, Pool};
-use flashmat_core::kernels::{Kernels, Level};
+use flashmat_core::base::exec::{Executor, Inline, Pool};
+use flashmat_core::base::simd::Level;
+use flashmat_core::kernels::Kernels;
 use flashmat_core::net::{Model, Network};
 use flashmat_tests::models::{Widths, random_model};
 use flashmat_tests::runs::{NetRun, smooth_photo};

@@ -4,14 +4,15 @@
 //! A counter that can switch itself on and off counts inside [`counted`] alone; for one that cannot, the stage is the
 //! count of two runs less that of one. One thread, the level as told: what the CPU has beyond it does not matter.
 use cpu_time::ThreadTime;
-use flashmat_core::arena::Arena;
+use flashmat_core::base::arena::Arena;
+use flashmat_core::base::exec::{At, Inline};
+use flashmat_core::base::simd::{Level, Simd};
 use flashmat_core::brdf::{self, Light};
 use flashmat_core::crf::scenes::{FOV, Scene};
 use flashmat_core::crf::{self, Coefficients, Energy, Options};
-use flashmat_core::exec::{At, Inline};
 use flashmat_core::frame::{FieldOfView, Frame, LinearImage, prepare, prepare_bytes};
 use flashmat_core::highlight;
-use flashmat_core::kernels::{Kernels, Level, Simd};
+use flashmat_core::kernels::Kernels;
 use flashmat_core::maps::{Maps, MapsMut};
 use flashmat_core::net::{Model, Network};
 use flashmat_core::search;

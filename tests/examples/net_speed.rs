@@ -1,8 +1,9 @@
 //! CPU time of the network on every level, and its share of the level's peak: `cargo run --release -p flashmat-tests --example net_speed [SIZE [LEVEL]]`.
 use cpu_time::ThreadTime;
-use flashmat_core::exec::Inline;
+use flashmat_core::base::exec::Inline;
+use flashmat_core::base::simd::Level;
+use flashmat_core::kernels::Kernels;
 use flashmat_core::kernels::peak::multiply_accumulates;
-use flashmat_core::kernels::{Kernels, Level};
 use flashmat_core::net::graph::Tensor;
 use flashmat_core::net::{Model, Network, Tap};
 use flashmat_tests::models::{Widths, random_model};

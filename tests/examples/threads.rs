@@ -2,9 +2,10 @@
 //! [THREADS [LEVEL [SECONDS]]]]`. Prints each stage's best wall-clock times and their ratio; a busy machine needs many
 //! seconds until both were undisturbed once.
 use cpu_time::ThreadTime;
-use flashmat_core::exec::{Executor, Inline, Pool};
+use flashmat_core::base::exec::{Executor, Inline, Pool};
+use flashmat_core::base::simd::Level;
 use flashmat_core::frame::Frame;
-use flashmat_core::kernels::{Kernels, Level};
+use flashmat_core::kernels::Kernels;
 use flashmat_core::net::Model;
 use flashmat_core::pipeline::{CaptureOptions, Pipeline};
 use flashmat_core::{Observer, Stage};

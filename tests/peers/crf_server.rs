@@ -5,13 +5,13 @@
 //! last two leave L x in OUT: (L x)_i = sum_j Kn(i,j) (x_i - x_j), Kn = D^-1/2 K D^-1/2, K the product of the Gaussians of
 //! the distances in position (sigma 0.06 of the half width) and in features.
 use cpu_time::ThreadTime;
-use flashmat_core::arena::Arena;
+use flashmat_core::base::arena::Arena;
+use flashmat_core::base::exec::{At, Inline};
+use flashmat_core::base::simd::{Level, Simd};
 use flashmat_core::crf::feature::SIGMA_POSITION;
 use flashmat_core::crf::pairs::Kernel;
 use flashmat_core::crf::solver::Operator;
 use flashmat_core::crf::system::{Kernels, System, pixels};
-use flashmat_core::exec::{At, Inline};
-use flashmat_core::kernels::{Level, Simd};
 use std::io::{BufRead, Write};
 
 /// The sum over all pairs, one thread, no matrix in memory: two passes, one for D.

@@ -4,13 +4,14 @@
 //! linear f32. Prints `ready GMAC PROBABILITIES...` and the maps to OUT; then for each line of standard input one run
 //! (`run`: wall-clock and CPU milliseconds) or one measurement of the level's peak (`peak`: multiply-accumulates a second).
 use cpu_time::ThreadTime;
-use flashmat_core::arena::Arena;
-use flashmat_core::exec::Inline;
+use flashmat_core::base::arena::Arena;
+use flashmat_core::base::exec::Inline;
+use flashmat_core::base::simd::Level;
 use flashmat_core::frame::LinearImage;
-use flashmat_core::kernels::{Kernels, Level, peak};
+use flashmat_core::kernels::{Kernels, peak};
 use flashmat_core::maps::MapsMut;
+use flashmat_core::net::Inference;
 use flashmat_core::net::{Mixing, Model, Network};
-use flashmat_core::pipeline::Engine;
 use flashmat_core::{Error, Silent};
 use std::io::{BufRead, Write};
 use std::time::Instant;
@@ -23,12 +24,12 @@ fn peak_rate(level: Option<Level>) -> f64 {
 }
 
 #[cfg(feature = "tract")]
-fn float<'m>(model: Model<'m>, size: usize) -> Result<Box<dyn Engine + 'm>, Error> {
+fn float<'m>(model: Model<'m>, size: usize) -> Result<Box<dyn Inference + 'm>, Error> {
     Ok(Box::new(flashmat_core::net::tract::FloatNetwork::new(model, size)?))
 }
 
 #[cfg(not(feature = "tract"))]
-fn float<'m>(_: Model<'m>, _: usize) -> Result<Box<dyn Engine + 'm>, Error> {
+fn float<'m>(_: Model<'m>, _: usize) -> Result<Box<dyn Inference + 'm>, Error> {
     Err(Error::Float)
 }
 
@@ -41,7 +42,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let model = Model::from_bytes(&bytes)?;
     let gmacs = model.graph().macs(size) as f64 * 1e-9;
     let level = Level::from_name(engine);
-    let engine: Box<dyn Engine> = match level {
+    let engine: Box<dyn Inference> = match level {
         Some(level) => Box::new(Network::new(model, size, Kernels::for_level(level)?)?),
         None => float(model, size)?,
     };

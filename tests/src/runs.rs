@@ -1,6 +1,6 @@
 //! One network run on owned memory, as tests and benches need it.
-use flashmat_core::arena::Arena;
-use flashmat_core::exec::Executor;
+use flashmat_core::base::arena::Arena;
+use flashmat_core::base::exec::Executor;
 use flashmat_core::frame::LinearImage;
 use flashmat_core::maps::MapsMut;
 use flashmat_core::net::{Class, ClassProbabilities, Classification, Mixing, Network, Tap};

@@ -1,10 +1,11 @@
 //! How close the int8 engine is to the float engine, layer by layer (feature `tract`).
 use flashmat_core::Error;
-use flashmat_core::exec::Inline;
+use flashmat_core::base::exec::Inline;
+use flashmat_core::base::simd::Level;
 use flashmat_core::frame::LinearImage;
-use flashmat_core::kernels::{Kernels, Level};
+use flashmat_core::kernels::Kernels;
+use flashmat_core::kernels::quant::dequantise;
 use flashmat_core::net::graph::{Op, Tensor};
-use flashmat_core::net::quant::dequantise;
 use flashmat_core::net::tract::FloatNetwork;
 use flashmat_core::net::{Model, Network, Tap};
 

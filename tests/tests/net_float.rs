@@ -1,14 +1,14 @@
 //! The float engine (tract) against the double-precision reference, and the int8 engine against the float engine.
 #![cfg(feature = "tract")]
 use flashmat_core::Silent;
-use flashmat_core::arena::Arena;
-use flashmat_core::exec::Inline;
+use flashmat_core::base::arena::Arena;
+use flashmat_core::base::exec::Inline;
+use flashmat_core::base::simd::Level;
 use flashmat_core::frame::LinearImage;
-use flashmat_core::kernels::Level;
 use flashmat_core::maps::MapsMut;
+use flashmat_core::net::Inference;
 use flashmat_core::net::tract::FloatNetwork;
 use flashmat_core::net::{Mixing, Model};
-use flashmat_core::pipeline::Engine;
 use flashmat_tests::golden::{TOY_MODEL, TOY_SIZE, toy, toy_photo};
 use flashmat_tests::runs::smooth_photo;
 use flashmat_tests::snr::layer_snr;

@@ -1,5 +1,5 @@
 //! The int8 engine against the numpy reference: every tensor bit for bit, on every level.
-use flashmat_core::exec::{Inline, Pool};
+use flashmat_core::base::exec::{Inline, Pool};
 use flashmat_core::kernels::Kernels;
 use flashmat_core::net::graph::Tensor;
 use flashmat_core::net::{Class, Model, Network, Tap};

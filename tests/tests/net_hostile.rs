@@ -1,8 +1,9 @@
 //! Model files that lie: each broken rule has its error, and nothing panics.
 use flashmat_core::Error;
-use flashmat_core::exec::Inline;
+use flashmat_core::ModelError;
+use flashmat_core::base::exec::Inline;
 use flashmat_core::kernels::Kernels;
-use flashmat_core::net::{Model, ModelError, Network};
+use flashmat_core::net::{Model, Network};
 use flashmat_tests::golden::{TOY_MODEL, TOY_SIZE, toy_photo};
 use flashmat_tests::models::fix_checksum;
 use flashmat_tests::runs::NetRun;

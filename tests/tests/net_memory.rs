@@ -1,7 +1,7 @@
 //! A network run allocates nothing, and its workspace is as large as it said before.
 use flashmat_core::Error;
-use flashmat_core::arena::Arena;
-use flashmat_core::exec::Inline;
+use flashmat_core::base::arena::Arena;
+use flashmat_core::base::exec::Inline;
 use flashmat_core::kernels::Kernels;
 use flashmat_core::net::{Mixing, Model, Network};
 use flashmat_tests::counting::{Counting, calls};

@@ -1,6 +1,6 @@
 //! The whole chain on the toy model: same bits at every level and thread count, nothing allocated, nothing refused
 //! that should run, nothing accepted that should not.
-use flashmat_core::exec::{Inline, Pool};
+use flashmat_core::base::exec::{Inline, Pool};
 use flashmat_core::frame::Frame;
 use flashmat_core::kernels::Kernels;
 use flashmat_core::net::{Class, Model};

@@ -1,7 +1,7 @@
 //! A whole capture allocates nothing, at the training size, above it (where the network runs thrice), and above
 //! the CRFs' grid.
 use flashmat_core::Silent;
-use flashmat_core::exec::Inline;
+use flashmat_core::base::exec::Inline;
 use flashmat_core::frame::Frame;
 use flashmat_core::kernels::Kernels;
 use flashmat_core::net::Model;

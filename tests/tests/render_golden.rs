@@ -1,6 +1,6 @@
 //! The Rust renderer against the Python one (PyTorch, itself checked against Mitsuba 3): <= 1e-4.
+use flashmat_core::base::exec::Inline;
 use flashmat_core::brdf::{Light, Scene, render};
-use flashmat_core::exec::Inline;
 use flashmat_core::maps::Maps;
 use glam::Vec3;
 use serde::Deserialize;

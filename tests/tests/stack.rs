@@ -1,7 +1,7 @@
 //! The C header promises that no function needs 384 KiB of stack: everything between a model's bytes and a material runs
 //! on a thread that has no more. An overflow ends the test's program. `FLASHMAT_STACK_KIB` tries another limit.
 use flashmat_core::Silent;
-use flashmat_core::exec::Inline;
+use flashmat_core::base::exec::Inline;
 use flashmat_core::frame::Frame;
 use flashmat_core::kernels::Kernels;
 use flashmat_core::net::Model;

@@ -114,7 +114,7 @@ impl<T: Default> ErrorPolicy<T, Failure> for Throw {
 /// One of each of core's errors.
 #[cfg(any(test, feature = "test-hooks"))]
 pub(crate) fn all() -> Vec<Error> {
-    use flashmat_core::{kernels::Level, net::ModelError};
+    use flashmat_core::{ModelError, base::simd::Level};
     let (needed, given) = (2, 1);
     vec![
         Error::WorkspaceTooSmall { needed, available: 1 },
@@ -146,7 +146,7 @@ mod tests {
 
     /// The variants' names, from core's source: the oracle that notices a new one.
     fn variants() -> BTreeSet<String> {
-        let source = include_str!("../../../core/src/error.rs");
+        let source = include_str!("../../../core/src/base/error.rs");
         let body = source.split("pub enum Error {").nth(1).expect("the enum");
         let body = body.split("\n}").next().expect("its end");
         let lines = body.lines().filter(|line| line.starts_with("    ") && !line.starts_with("     "));

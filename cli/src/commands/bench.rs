@@ -6,7 +6,7 @@ use crate::engine::{self, Engine, Loaded, ModelFile, Settings, Timings};
 use crate::failure::Failure;
 use crate::interrupt;
 use crate::photo::{Photo, Pixels};
-use flashmat_core::kernels::Level;
+use flashmat_core::base::simd::Level;
 use std::path::Path;
 use std::time::Instant;
 

@@ -6,7 +6,7 @@ use crate::interrupt;
 use crate::material::Material;
 use crate::output::{self, png::Depth};
 use crate::photo;
-use flashmat_core::kernels::Level;
+use flashmat_core::base::simd::Level;
 use flashmat_core::net::Class;
 use flashmat_core::{Error, Stage};
 use indicatif::{ProgressBar, ProgressStyle};

@@ -1,8 +1,8 @@
 //! Captured maps under any light, by the core's renderer.
 use crate::material::{Material, OwnedMaps};
 use flashmat_core::Error;
+use flashmat_core::base::exec::Inline;
 use flashmat_core::brdf::{self, Light, Scene};
-use flashmat_core::exec::Inline;
 use flashmat_core::frame::LinearImage;
 use flashmat_core::search;
 use glam::Vec3;

@@ -1,8 +1,9 @@
 //! The network alone, for benches: one run after the other over a made-up photo.
-use flashmat_core::arena::Arena;
-use flashmat_core::exec::{Executor, Inline, Pool};
+use flashmat_core::base::arena::Arena;
+use flashmat_core::base::exec::{Executor, Inline, Pool};
+use flashmat_core::base::simd::Level;
 use flashmat_core::frame::LinearImage;
-use flashmat_core::kernels::{Kernels, Level, peak};
+use flashmat_core::kernels::{Kernels, peak};
 use flashmat_core::maps::MapsMut;
 use flashmat_core::net::{Mixing, Model, Network};
 use flashmat_core::{Error, Silent};

@@ -3,7 +3,7 @@
 //! The appendix does not number its equations; here (1) is the whole model, (2) D, (3) alpha, (4) F, (5) G, (6) k,
 //! (7) and (8) G1 of v and l, (9) and (10) F0 of dielectrics and conductors. Slips corrected: (8) has n.v in its
 //! denominator where n.l belongs; (10) is upside down.
-use crate::math::approx::exp2;
+use crate::base::math::approx::exp2;
 use core::f32::consts::PI;
 
 /// Smallest alpha: below it (r < 0.0316) the lobe is sharper than any pixel, and D would leave f32's good range.

@@ -13,7 +13,7 @@ mod render;
 pub(crate) use render::Incident;
 pub use render::{Light, Scene, render};
 
-use crate::math::approx::rsqrt;
+use crate::base::math::approx::rsqrt;
 use core::f32::consts::PI;
 use glam::Vec3;
 

@@ -5,12 +5,13 @@
 //! no shadows: the plane's relief is in its normals alone.
 use super::Angles;
 use crate::Error;
-use crate::exec::{Executor, ROWS_PER_BLOCK, for_each_row_block, planes3};
+use crate::base::exec::{Executor, ROWS_PER_BLOCK, for_each_row_block, planes3};
+use crate::base::lanes::{LANES, Lanes, load, load3, store};
+use crate::base::math::approx::rsqrt;
+use crate::base::planes::{check_planes, plane_row};
 use crate::frame::LinearImage;
 use crate::frame::geometry::Geometry;
-use crate::lanes::{LANES, Lanes, load, load3, store};
-use crate::maps::{Maps, check_planes, plane_row};
-use crate::math::approx::rsqrt;
+use crate::maps::Maps;
 use core::f32::consts::PI;
 use glam::Vec3;
 
@@ -143,7 +144,7 @@ fn run(maps: &Maps<'_>, f0: f32, geometry: &Geometry, light: &Light, row: usize,
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::exec::Inline;
+    use crate::base::exec::Inline;
     use std::vec;
     use std::vec::Vec;
 
@@ -213,7 +214,7 @@ mod tests {
         let flat = Flat::new(n, 0.3, 0.4);
         let maps = Maps { size: n, albedo: &flat.albedo, normal: &flat.normal, roughness: &flat.roughness };
         let inline = flat.render(n, 0.05, &Scene::flash(43.35, 1.0)).expect("scene");
-        let pool = crate::exec::Pool::new(3).expect("threads");
+        let pool = crate::base::exec::Pool::new(3).expect("threads");
         let mut out = vec![0.0; 3 * n * n];
         render(&maps, 0.05, &Scene::flash(43.35, 1.0), &pool, &mut out).expect("scene");
         assert_eq!(out, inline);

@@ -6,9 +6,9 @@
 use super::feature::{self, radius_squared};
 use super::refine::Energy;
 use crate::Error;
-use crate::exec::{Executor, Plane, ROWS_PER_BLOCK, for_each_row_block};
-use crate::maps::check_planes;
-use crate::math::expf;
+use crate::base::exec::{Executor, Plane, ROWS_PER_BLOCK, for_each_row_block};
+use crate::base::math::expf;
+use crate::base::planes::check_planes;
 
 /// Reach of the highlight's weight map, in units of p (the paper's sigma_d0).
 pub const SIGMA_CENTRE: f32 = 0.5;
@@ -96,7 +96,7 @@ pub(super) fn for_each_pixel(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::exec::Inline;
+    use crate::base::exec::Inline;
 
     #[test]
     fn only_burnt_out_pixels_near_the_centre_lose_their_say() {

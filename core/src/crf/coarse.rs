@@ -8,16 +8,16 @@
 //! cells: only the weights between different cells are needed, and C is an M-matrix like A.
 //!
 //! C is stored and solved as `banded` says, a row per cell.
-use super::banded;
 use super::pairs::Pairs;
 use super::pattern::RADIUS;
-use super::solver::MAX_CHANNELS;
+use super::vectors::MAX_CHANNELS;
 use crate::Error;
-use crate::arena::{Arena, bytes_for};
-use crate::exec::{Executor, Plane, for_each_row};
-use crate::lanes::{LANES, Lanes, load};
-use crate::maps::plane_row;
-use crate::math::{expf, floorf, sqrtf};
+use crate::base::arena::{Arena, bytes_for};
+use crate::base::exec::{Executor, Plane, for_each_row};
+use crate::base::lanes::{LANES, Lanes, load};
+use crate::base::math::banded;
+use crate::base::math::{expf, floorf, sqrtf};
+use crate::base::planes::plane_row;
 
 /// Narrowest cell, in pixels.
 const MIN_WIDTH: usize = 4;

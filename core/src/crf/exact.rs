@@ -3,7 +3,7 @@
 use super::coefficients::normalised;
 use super::refine::{Energy, UNARY_FLOOR};
 use super::solver::Operator;
-use crate::exec::{Executor, Inline};
+use crate::base::exec::{Executor, Inline};
 use alloc::vec;
 use alloc::vec::Vec;
 

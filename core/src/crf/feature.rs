@@ -2,8 +2,8 @@
 //! the kernel is exp(-2 |f_i - f_j|²). All planes are `size` x `size`.
 //!
 //! Widths are those of the paper's table in "Details of Continuous DCRFs"; positions in [-1,1].
-use crate::exec::{Executor, Plane, ROWS_PER_BLOCK as ROWS, for_each_row_block, planes3};
-use crate::maps::plane_row;
+use crate::base::exec::{Executor, Plane, ROWS_PER_BLOCK as ROWS, for_each_row_block, planes3};
+use crate::base::planes::plane_row;
 
 /// kappa_1 of the albedo and the roughness: positions.
 pub const SIGMA_SPATIAL: f32 = 0.04;
@@ -94,7 +94,7 @@ pub fn radius_squared(x: usize, y: usize, size: usize) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::exec::Inline;
+    use crate::base::exec::Inline;
 
     #[test]
     fn brightness_does_not_change_the_normalised_colour() {

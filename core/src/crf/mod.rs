@@ -10,7 +10,6 @@
 //! Guarantees: constants stay constant; no pairwise weight gives the unary back bit for bit; the same bits on every
 //! executor; no allocation, no panic.
 pub mod albedo;
-pub(crate) mod banded;
 pub mod coarse;
 pub mod coefficients;
 #[cfg(any(test, feature = "reference"))]
@@ -29,6 +28,7 @@ pub mod system;
 #[cfg(test)]
 mod tests;
 mod unprojected;
+mod vectors;
 
 pub use albedo::Albedo;
 pub use coefficients::Coefficients;

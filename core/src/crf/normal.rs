@@ -5,9 +5,9 @@
 use super::feature;
 use super::refine::Energy;
 use crate::Error;
-use crate::exec::Executor;
-use crate::maps::check_planes;
-use crate::math::sqrtf;
+use crate::base::exec::Executor;
+use crate::base::math::sqrtf;
+use crate::base::planes::check_planes;
 
 /// Inputs of the normals' CRF, planar, `size` x `size`.
 #[derive(Clone, Copy, Debug)]

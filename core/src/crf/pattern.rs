@@ -4,7 +4,7 @@
 //! exact up to truncation. Wide kernels take about [`SAMPLES`] offsets, spread so that each stands for an equal share
 //! of the Gaussian's mass (a Fermat spiral, relaxed by Lloyd's iteration); an offset's weight is the mass of the
 //! offsets nearest to it, so the disc's whole mass is kept. Only one of d and -d is stored. Lengths in pixels.
-use crate::math::{ceilf, cosf, expf, floorf, logf, sinf, sqrtf};
+use crate::base::math::{ceilf, cosf, expf, floorf, logf, sinf, sqrtf};
 use heapless::Vec;
 
 /// Where the spatial Gaussian ends, in sigmas.

@@ -2,12 +2,13 @@
 use super::coefficients::{normalised, through_normalisation};
 use super::feature::SIGMA_POSITION;
 use super::pairs::{Kernel, MAX_KERNELS};
-use super::solver::{Options, Report, VECTORS, dot, solve};
+use super::solver::{Options, Report, VECTORS, solve};
 use super::system::{Kernels, System};
+use super::vectors::dot;
 use crate::Error;
-use crate::arena::{Arena, bytes_for};
-use crate::exec::{Executor, Inline};
-use crate::maps::check_planes;
+use crate::base::arena::{Arena, bytes_for};
+use crate::base::exec::{Executor, Inline};
+use crate::base::planes::check_planes;
 
 /// Added to every pixel's unary weight (the coefficients' sum is 1), so that a pixel without a say of its own still
 /// has one solution.

@@ -7,9 +7,9 @@ use super::albedo::for_each_pixel;
 use super::feature;
 use super::refine::Energy;
 use crate::Error;
-use crate::exec::Executor;
-use crate::maps::check_planes;
-use crate::math::expf;
+use crate::base::exec::Executor;
+use crate::base::math::expf;
+use crate::base::planes::check_planes;
 
 /// Reach of the highlight's weight map, in units of p (the paper's sigma_r0).
 pub const SIGMA_CENTRE: f32 = 0.5;
@@ -83,7 +83,7 @@ impl Energy<4> for Roughness<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::exec::Inline;
+    use crate::base::exec::Inline;
 
     #[test]
     fn the_search_is_heard_near_the_centre_and_where_the_photo_is_bright() {

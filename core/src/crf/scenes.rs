@@ -1,8 +1,8 @@
 //! Procedural inputs of the CRFs and the search, seeded, for tests and benches.
 use super::feature::radius_squared;
 use super::{Albedo, Normal, Roughness};
+use crate::base::math::{cosf, expf, floorf, sinf, sqrtf};
 use crate::frame::LinearImage;
-use crate::math::{cosf, expf, floorf, sinf, sqrtf};
 use alloc::vec;
 use alloc::vec::Vec;
 

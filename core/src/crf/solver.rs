@@ -4,12 +4,10 @@
 //! Sums run row by row in a fixed order, so the result does not depend on the executor. Vectors hold `channels` planes
 //! one after the other; every channel has its own step sizes and stops on its own.
 use super::coarse::Cells;
+use super::vectors::{MAX_CHANNELS, dot, tail, weighted_square};
 use crate::Error;
-use crate::exec::{Executor, Plane, ROWS_PER_BLOCK, for_each_row, for_each_row_block, sum_row_blocks};
-use crate::lanes::LANES;
-
-/// Most channels solved at once.
-pub const MAX_CHANNELS: usize = 3;
+use crate::base::exec::{Executor, Plane, ROWS_PER_BLOCK, for_each_row, for_each_row_block};
+use crate::base::lanes::LANES;
 
 /// A symmetric positive definite matrix over the pixels of a square image, the same for every channel.
 pub trait Operator {
@@ -64,7 +62,7 @@ pub const VECTORS: usize = 3;
 /// A start that already is a solution comes back bit for bit, with 0 iterations.
 ///
 /// # Errors
-/// [`Error::PlaneLength`] when `rhs` or `x` are not 1 to [`MAX_CHANNELS`] planes, [`Error::CrfInput`] when the start's
+/// [`Error::PlaneLength`] when `rhs` or `x` are not 1 to 3 planes, [`Error::CrfInput`] when the start's
 /// residual is not finite.
 pub fn solve(
     operator: &mut dyn Operator,
@@ -158,7 +156,7 @@ impl Channel {
 
     fn relative(&self) -> f64 {
         if self.residual > 0.0 {
-            f64::from(crate::math::sqrtf((self.residual / self.rhs) as f32))
+            f64::from(crate::base::math::sqrtf((self.residual / self.rhs) as f32))
         } else {
             0.0
         }
@@ -232,93 +230,4 @@ fn advance(step: f32, p: &[f32], q: &[f32], x: &mut [f32], r: &mut [f32], size: 
             },
         );
     });
-}
-
-/// The plane from `at` on; empty past its end.
-pub(super) fn tail(plane: &[f32], at: usize) -> &[f32] {
-    plane.get(at..).unwrap_or(&[])
-}
-
-/// Running sums of a row's sum.
-const SUMS: usize = 16;
-
-/// a^T b: rows of `width` values in [`SUMS`] running f32 sums each, rows added up in f64.
-#[must_use]
-pub(super) fn dot(a: &[f32], b: &[f32], width: usize, exec: &dyn Executor) -> f64 {
-    rows_sum(
-        a,
-        b,
-        width,
-        exec,
-        #[inline(always)]
-        |a, b| a * b,
-    )
-}
-
-/// The sum of a plane, summed up like [`dot`].
-#[must_use]
-pub(super) fn sum(a: &[f32], width: usize, exec: &dyn Executor) -> f64 {
-    rows_sum(
-        a,
-        a,
-        width,
-        exec,
-        #[inline(always)]
-        |a, _| a,
-    )
-}
-
-/// r^T diagonal^-1 r.
-fn weighted_square(r: &[f32], diagonal: &[f32], width: usize, exec: &dyn Executor) -> f64 {
-    rows_sum(
-        r,
-        diagonal,
-        width,
-        exec,
-        #[inline(always)]
-        |r, d| r * r / d,
-    )
-}
-
-#[inline(always)]
-fn rows_sum(
-    a: &[f32],
-    b: &[f32],
-    width: usize,
-    exec: &dyn Executor,
-    term: impl Fn(f32, f32) -> f32 + Sync,
-) -> f64 {
-    let width = width.max(1);
-    let rows = a.len().min(b.len()).div_ceil(width);
-    let [sum] = sum_row_blocks(exec, 0..rows, ROWS_PER_BLOCK, &|rows| {
-        let part = |plane| tail(plane, rows.start * width).chunks(width).take(rows.len());
-        exec.simd().run(
-            #[inline(always)]
-            || {
-                let mut sum = 0.0;
-                for (a, b) in part(a).zip(part(b)) {
-                    sum += f64::from(row_sum(a, b, &term));
-                }
-                [sum]
-            },
-        )
-    });
-    sum
-}
-
-/// The sum over a row: value i goes to running sum i modulo [`SUMS`].
-#[inline(always)]
-pub(super) fn row_sum(a: &[f32], b: &[f32], term: impl Fn(f32, f32) -> f32) -> f32 {
-    let mut sums = [0.0_f32; SUMS];
-    let (whole_a, rest_a) = a.as_chunks::<SUMS>();
-    let (whole_b, rest_b) = b.as_chunks::<SUMS>();
-    for (a, b) in whole_a.iter().zip(whole_b) {
-        for i in 0..SUMS {
-            sums[i] += term(a[i], b[i]);
-        }
-    }
-    for ((sum, &a), &b) in sums.iter_mut().zip(rest_a).zip(rest_b) {
-        *sum += term(a, b);
-    }
-    sums.iter().sum()
 }

@@ -3,10 +3,11 @@ use super::coarse::{Cells, Coarse};
 use super::pairs::{Kernel, MAX_KERNELS, Pairs};
 use super::pattern::{SAMPLES, pattern};
 use super::separable::Spatial;
-use super::solver::{Operator, sum, tail};
+use super::solver::Operator;
+use super::vectors::{sum, tail};
 use crate::Error;
-use crate::arena::{Arena, bytes_for};
-use crate::exec::{Executor, ROWS_PER_BLOCK, for_each_row_block, planes3};
+use crate::base::arena::{Arena, bytes_for};
+use crate::base::exec::{Executor, ROWS_PER_BLOCK, for_each_row_block, planes3};
 
 /// Sigma of a position kernel, position in [-1,1]: `sigma` in units of p to pixels.
 #[must_use]
@@ -67,7 +68,7 @@ impl<'a> System<'a> {
         exec: &dyn Executor,
         arena: &mut Arena<'a>,
     ) -> Result<Self, Error> {
-        crate::maps::check_planes(size, 1, unary.len())?;
+        crate::base::planes::check_planes(size, 1, unary.len())?;
         let diagonal = arena.take::<f32>(unary.len())?;
         diagonal.copy_from_slice(unary);
         let (sigma, weight) = kernels.spatial;

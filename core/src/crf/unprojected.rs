@@ -2,7 +2,7 @@
 use super::pairs::MAX_KERNELS;
 use super::refine::Energy;
 use crate::Error;
-use crate::exec::Executor;
+use crate::base::exec::Executor;
 
 /// An energy whose minimum is left as it is.
 #[derive(Clone, Copy, Debug)]

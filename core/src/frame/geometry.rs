@@ -1,6 +1,6 @@
 //! Where pixels lie: positions in [-1,1]², points on the plane z = 0, directions to camera and light; turning squares.
 use super::Rotation;
-use crate::math::tanf;
+use crate::base::math::tanf;
 use glam::{Vec2, Vec3};
 
 /// Pixel positions of an n x n image over a field of view, camera at (0,0,1) looking down.

@@ -20,15 +20,14 @@ mod yuv;
 pub use pixels::PixelFormat;
 pub use yuv::{Range, YuvMatrix, YuvPlanes};
 
-use crate::arena::Arena;
-use crate::exec::Executor;
-use crate::math::{atanf, sqrtf, tanf};
-use crate::{Error, maps};
+use crate::Error;
+use crate::base::arena::Arena;
+use crate::base::exec::Executor;
+use crate::base::math::{atanf, sqrtf, tanf};
+use crate::base::planes::{MAX_SIZE, check_planes};
 use glam::Vec3;
 use pixels::Pixels;
 
-/// Largest side of a prepared image, in pixels.
-pub const MAX_SIZE: usize = 8192;
 /// Largest side of a photo, in pixels (keeps pixel positions exact and sizes within 32-bit platforms' reach).
 pub const MAX_SIDE: usize = 1 << 20;
 
@@ -320,17 +319,17 @@ impl<'a> LinearImage<'a> {
     /// Checks that the planes have the lengths that `size` asks for.
     ///
     /// # Errors
-    /// As [`maps::check_planes`].
+    /// As [`check_planes`].
     pub fn check(&self) -> Result<(), Error> {
-        maps::check_planes(self.size, 3, self.rgb.len())?;
-        maps::check_planes(self.size, 1, self.clipped.len())
+        check_planes(self.size, 3, self.rgb.len())?;
+        check_planes(self.size, 1, self.clipped.len())
     }
 }
 
 /// Bytes that [`prepare`] takes from the arena and keeps, plus what it needs for itself on the way.
 #[must_use]
 pub const fn prepare_bytes(size: usize) -> usize {
-    use crate::arena::bytes_for;
+    use crate::base::arena::bytes_for;
     bytes_for::<f32>(3 * size * size)
         + bytes_for::<u8>(size * size)
         + bytes_for::<f32>(transfer::WIDE_TABLE)

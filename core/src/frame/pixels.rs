@@ -4,9 +4,10 @@ use super::transfer::{WIDE_TABLE, byte_table, fill_wide_table, p3_to_srgb, srgb_
 use super::yuv::{Converter, LOWEST, STEPS, YuvMatrix, YuvPlanes, step};
 use super::{Encoding, MAX_SIDE, yuv};
 use crate::Error;
-use crate::arena::Arena;
-use crate::exec::Executor;
-use crate::kernels::{AHEAD, ByteTable, Simd, prefetch};
+use crate::base::arena::Arena;
+use crate::base::exec::Executor;
+use crate::base::simd::{Simd, prefetch};
+use crate::kernels::{AHEAD, ByteTable};
 use core::ops::Range;
 
 /// 8-bit codes from here on count as clipped.

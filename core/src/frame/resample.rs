@@ -10,9 +10,9 @@
 //! bits are the same everywhere.
 use super::Crop;
 use crate::Error;
-use crate::arena::{Arena, bytes_for};
-use crate::exec::{Executor, Plane, ROWS_PER_BLOCK, for_each_row_block, planes3};
-use crate::kernels::Simd;
+use crate::base::arena::{Arena, bytes_for};
+use crate::base::exec::{Executor, Plane, ROWS_PER_BLOCK, for_each_row_block, planes3};
+use crate::base::simd::Simd;
 use bytemuck::{Pod, Zeroable};
 use core::ops::Range;
 

@@ -1,9 +1,9 @@
 //! The frame stage against an oracle in f64 that knows nothing of rows, and against itself in another layout.
 use super::transfer::srgb_to_linear;
 use super::*;
-use crate::exec::{At, Inline};
-use crate::kernels::{Level, Simd};
-use crate::testing::property;
+use crate::base::exec::{At, Inline};
+use crate::base::simd::{Level, Simd};
+use crate::base::testing::property;
 use proptest::prelude::*;
 use std::vec;
 use std::vec::Vec;
@@ -475,7 +475,7 @@ fn registers_do_not_change_a_bit() {
 fn threads_do_not_change_a_bit() {
     let data: Vec<u8> = (0..3 * 97 * 61).map(|i| (i * 37 % 251) as u8).collect();
     let frame = Frame::rgb8(&data, 97, 61, 291).expect("frame").rotated(Rotation::Cw90);
-    let pool = crate::exec::Pool::new(3).expect("threads");
+    let pool = crate::base::exec::Pool::new(3).expect("threads");
     let fov = FieldOfView::shorter_side(50.0);
     let (one, many) = (prepared(&frame, 33, &fov), prepared_by(&pool, &frame, 33, &fov));
     assert!(one.rgb == many.rgb && one.clipped == many.clipped);

@@ -2,7 +2,7 @@
 //!
 //! The curves are IEC 61966-2-1's, exact (not gamma 2.2); Display P3 uses the same curve with SMPTE EG 432-1's
 //! primaries and the same white (D65), so that white stays white.
-use crate::math::powf;
+use crate::base::math::powf;
 
 /// sRGB-encoded value to linear light, both with white = 1.
 #[must_use]

@@ -24,15 +24,15 @@ pub use roughness::{level_roughness, level_roughness_bytes};
 pub use texture::{retexture, retexture_bytes};
 
 use crate::Error;
-use crate::arena::{Arena, bytes_for};
+use crate::base::arena::{Arena, bytes_for};
+use crate::base::exec::Executor;
+use crate::base::math::banded;
+use crate::base::math::{expf, log2f, powf};
+use crate::base::resample::{Pair, shrink, shrunk};
 use crate::brdf::{self, Scene};
-use crate::crf::banded;
-use crate::exec::Executor;
 use crate::frame::LinearImage;
 use crate::frame::geometry::Geometry;
 use crate::maps::{Maps, MapsMut};
-use crate::math::{expf, log2f, powf};
-use crate::pyramid::{Pair, shrink, shrunk};
 
 /// Most cells to a side.
 pub const GRID: usize = 32;
@@ -200,7 +200,7 @@ pub fn workspace_bytes(size: usize) -> usize {
         .saturating_mul(Look::PLANES + 1)
         .saturating_add(cells.saturating_mul(1 + 3 + 3 + 3))
         .saturating_add(bytes_for::<f32>(grid * grid * banded::stride(grid)))
-        .saturating_add(17 * crate::arena::ALIGN)
+        .saturating_add(17 * crate::base::arena::ALIGN)
 }
 
 /// Fills in the albedo of `maps` below highlights, in place; `f0` is the material's specular reflectance.
@@ -308,9 +308,9 @@ fn fill(low: &[f32], weight: &[f32], g: usize, filled: &mut [f32], matrix: &mut 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::base::exec::Inline;
     use crate::brdf::Light;
     use crate::crf::feature::radius_squared;
-    use crate::exec::Inline;
     use std::vec;
     use std::vec::Vec;
 
@@ -448,9 +448,10 @@ mod tests {
 
     #[test]
     fn neither_level_nor_threads_change_a_bit() {
+        use crate::base::exec::At;
+        use crate::base::simd::Simd;
         use crate::crf::scenes::Scene;
-        use crate::exec::At;
-        use crate::kernels::{Kernels, Simd};
+        use crate::kernels::Kernels;
         let size = 200;
         let run = |exec: &dyn Executor| -> Vec<u32> {
             let mut scene = Scene::tiles(size, 5);
@@ -470,7 +471,7 @@ mod tests {
         }
         #[cfg(feature = "parallel")]
         for threads in [2, 3] {
-            let pool = crate::exec::Pool::new(threads).expect("threads");
+            let pool = crate::base::exec::Pool::new(threads).expect("threads");
             assert!(run(&pool) == plain, "{threads} threads");
         }
     }

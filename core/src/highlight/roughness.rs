@@ -8,13 +8,13 @@
 //! Not in the paper. docs/experiments.md has what it changes.
 use super::{Look, fill, sizes};
 use crate::Error;
-use crate::arena::{Arena, bytes_for};
-use crate::crf::banded;
-use crate::exec::Executor;
+use crate::base::arena::{Arena, bytes_for};
+use crate::base::exec::Executor;
+use crate::base::math::banded;
+use crate::base::math::expf;
+use crate::base::resample::{Pair, shrink};
 use crate::frame::LinearImage;
 use crate::maps::MapsMut;
-use crate::math::expf;
-use crate::pyramid::{Pair, shrink};
 
 /// A difference of roughness that is hardly believed any more.
 const SPREAD: f32 = 0.2;
@@ -29,7 +29,7 @@ pub fn level_roughness_bytes(size: usize) -> usize {
         .saturating_mul(Look::PLANES + 1)
         .saturating_add(cells.saturating_mul(3))
         .saturating_add(bytes_for::<f32>(grid * grid * banded::stride(grid)))
-        .saturating_add(17 * crate::arena::ALIGN)
+        .saturating_add(17 * crate::base::arena::ALIGN)
 }
 
 /// Fills in the roughness of `maps` below highlights, in place; `f0` is the material's specular reflectance.
@@ -75,8 +75,8 @@ pub fn level_roughness(
 mod tests {
     use super::super::tests::{FOV, N, Plastic};
     use super::*;
+    use crate::base::exec::Inline;
     use crate::crf::feature::radius_squared;
-    use crate::exec::Inline;
     use std::vec;
     use std::vec::Vec;
 

@@ -17,11 +17,11 @@
 //! Not in the paper. What it adds is likely, not seen: the errors of albedo cannot show its worth (docs/experiments.md).
 use super::{FLOOR, Look, SEEN, sizes};
 use crate::Error;
-use crate::arena::{Arena, bytes_for};
-use crate::exec::{Executor, ROWS_PER_BLOCK, for_each_row_block, planes3};
+use crate::base::arena::{Arena, bytes_for};
+use crate::base::exec::{Executor, ROWS_PER_BLOCK, for_each_row_block, planes3};
+use crate::base::resample::{Pair, bilinear, shrink};
 use crate::frame::LinearImage;
 use crate::maps::MapsMut;
-use crate::pyramid::{Pair, bilinear, shrink};
 
 /// Cells to a side.
 const GRID: usize = 16;
@@ -59,7 +59,7 @@ pub fn retexture_bytes(size: usize) -> usize {
         .saturating_add(bytes_for::<f32>(CELLS).saturating_mul(3 + 1 + 1))
         .saturating_add(bytes_for::<f32>(MATCH * MATCH).saturating_mul(3))
         .saturating_add(bytes_for::<u16>(PLACES * PLACES))
-        .saturating_add(24 * crate::arena::ALIGN)
+        .saturating_add(24 * crate::base::arena::ALIGN)
 }
 
 /// Gives the albedo of `maps` texture where a highlight has burnt it out, in place; `f0` is the material's specular reflectance.
@@ -350,11 +350,11 @@ fn blend(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::base::exec::Inline;
+    use crate::base::math::expf;
     use crate::brdf::{self, Scene};
     use crate::crf::feature::radius_squared;
-    use crate::exec::Inline;
     use crate::maps::Maps;
-    use crate::math::expf;
     use std::vec;
     use std::vec::Vec;
 

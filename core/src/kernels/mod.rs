@@ -10,12 +10,14 @@
 //! intrinsic, and for code compiled for a level ([`Simd`]).
 #[cfg(all(target_arch = "aarch64", target_feature = "neon", target_endian = "little"))]
 mod aarch64;
+mod byte_table;
 mod columns;
-mod level;
 pub mod pack;
 pub mod peak;
+pub mod quant;
 mod scalar;
-mod simd;
+#[cfg(test)]
+pub(crate) mod testing;
 #[cfg(test)]
 mod tests;
 #[cfg(target_arch = "x86_64")]
@@ -24,11 +26,9 @@ mod tiles;
 mod x86_64;
 
 use crate::Error;
-use crate::net::quant::Range;
-pub(crate) use columns::{AHEAD, ByteTable};
-pub use level::Level;
-pub use simd::Simd;
-pub(crate) use simd::prefetch;
+use crate::base::simd::{Level, Simd};
+pub(crate) use byte_table::{AHEAD, ByteTable};
+use quant::Range;
 
 /// Every level that has kernels on this architecture, slowest first, whether this CPU has it or not: private, because
 /// a table's functions are sound only where its level is.

@@ -1,7 +1,7 @@
 //! The multiply-accumulate rate that a level's instructions could reach: its dot products on registers alone, nothing
 //! loaded or stored. What benches call 100 %.
 #![allow(unsafe_code)]
-use super::Level;
+use crate::base::simd::Level;
 
 /// Runs `rounds` (at least 1) rounds of the level's dot products and gives the number of multiply-accumulates done, for
 /// the caller to time; `None` where nothing is written for the level or this CPU lacks it.

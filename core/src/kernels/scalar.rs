@@ -1,6 +1,7 @@
 //! The definition of every kernel, in plain loops. Read by people and by tests; never tuned.
 use super::pack::{BLOCK, GROUP, PANEL};
-use super::{Block, Kernels, Level, Requant};
+use super::{Block, Kernels, Requant};
+use crate::base::simd::Level;
 
 /// The kernels of [`Level::Scalar`].
 pub(super) static KERNELS: Kernels = Kernels {

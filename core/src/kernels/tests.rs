@@ -1,9 +1,11 @@
 //! Kernels alone, on every level that this machine has, against sums in 64 bits.
 use super::pack::{self, Shape};
-use super::{Block, Geometry, Kernels, Level, Requant};
+use super::testing::requantise;
+use super::{Block, Geometry, Kernels, Requant};
 use crate::Error;
-use crate::net::quant::Range;
-use crate::net::testing::{Random, requantise};
+use crate::base::simd::Level;
+use crate::base::testing::Random;
+use crate::kernels::quant::Range;
 use std::vec;
 use std::vec::Vec;
 
@@ -172,4 +174,11 @@ fn what_is_no_number_has_the_same_code_on_every_level() {
             assert_eq!(case.run(kernels, range), scalar, "{}", kernels.name());
         }
     }
+}
+
+/// What [`Level`] calls built is what has kernels.
+#[test]
+fn every_built_level_has_kernels() {
+    let with_kernels = super::TABLES.iter().map(|kernels| kernels.level);
+    assert!(with_kernels.eq(Level::ALL.into_iter().filter(|level| level.is_built())));
 }

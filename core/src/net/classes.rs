@@ -1,5 +1,5 @@
 //! The eight material classes, their probabilities, and the maps that heads make.
-use crate::math::expf;
+use crate::base::math::expf;
 
 /// Number of classes.
 pub const CLASSES: usize = 8;

@@ -3,12 +3,11 @@
 //! Layout: `docs/model-format.md`. The bytes need no alignment: numbers are read as little-endian bytes through
 //! [`F32s`] and [`I32s`]. After [`Sections::parse`] every section lies within the bytes; what is in them is checked
 //! by [`super::graph`].
-use super::ModelError;
+use crate::ModelError;
+use crate::base::FORMAT_VERSION;
 
 /// First eight bytes of a model file.
 pub const MAGIC: [u8; 8] = *b"FLASHMAT";
-/// The format version that this crate reads.
-pub const VERSION: u32 = 2;
 /// Alignment of sections within the file.
 const ALIGN: usize = 64;
 const HEADER: usize = 64;
@@ -51,7 +50,7 @@ macro_rules! numbers {
             }
 
             /// The values in order.
-            pub fn iter(&self) -> impl ExactSizeIterator<Item = $number> + use<'m> {
+            pub fn iter(&self) -> impl ExactSizeIterator<Item = $number> + Clone + use<'m> {
                 let (fours, _) = self.0.as_chunks::<4>();
                 fours.iter().map(|&bytes| <$number>::from_le_bytes(bytes))
             }
@@ -135,7 +134,7 @@ impl<'m> Sections<'m> {
         }
         let header = bytes.get(..HEADER).ok_or(ModelError::Length { needed: HEADER as u64, given })?;
         let version = u32_at(header, 8);
-        if version != VERSION {
+        if version != FORMAT_VERSION {
             return Err(ModelError::Version { found: version });
         }
         let count = u32_at(header, 12);
@@ -236,7 +235,7 @@ fn read_defaults(section: &[u8]) -> Result<Defaults, ModelError> {
     let positive = |v: f32| v.is_finite() && v > 0.0;
     if (1.0..=170.0).contains(&fov_deg)
         && [light_distance, light_strength, exposure].into_iter().all(positive)
-        && [base_size, top_size].into_iter().all(|size| size as usize <= crate::frame::MAX_SIZE)
+        && [base_size, top_size].into_iter().all(|size| size as usize <= crate::base::planes::MAX_SIZE)
     {
         Ok(Defaults { fov_deg, light_distance, light_strength, exposure, base_size, top_size })
     } else {

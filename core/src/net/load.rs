@@ -1,10 +1,11 @@
 //! Records of the file to a [`Graph`]: every count, offset, shape and value is checked here, once.
+use super::CLASSES;
 use super::format::{F32s, Sections};
 use super::graph::{
     Graph, INPUT, INPUT_CHANNELS, INPUT_SCALE, INPUT_ZERO_POINT, Layer, MAX_CHANNELS, MAX_DIVISOR,
     MAX_KERNEL, MAX_LAYERS, MAX_PRODUCTS, MAX_TENSORS, Name, Op, Source, Sources, Tensor, Window,
 };
-use super::{CLASSES, ModelError};
+use crate::ModelError;
 
 const HEADER: usize = 16;
 const TENSOR_RECORD: usize = 64;

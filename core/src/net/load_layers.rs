@@ -2,7 +2,8 @@
 use super::format::{F32s, I32s};
 use super::graph::{Conv, Dense, Depthwise, MAX_BIAS, MeanPool, MixHead, PackedWindow};
 use super::load::{Fields, Loader, NONE, field};
-use super::{CLASSES, Map, ModelError};
+use super::{CLASSES, Map};
+use crate::ModelError;
 use crate::kernels::pack;
 
 /// Most pixels of a map per pixel of a head, in each direction.
@@ -25,7 +26,7 @@ impl<'m> Loader<'_, 'm> {
         let count = if second > 0 { 2 * cout } else { cout };
         let sums =
             I32s::new(self.sections.params, fields.take(field::SUMS), count).ok_or(self.bounds_error())?;
-        if !pack::sums_match(weights, &shape, cin - second, sums) {
+        if !pack::sums_match(weights, &shape, cin - second, sums.iter()) {
             return Err(ModelError::LayerSums { layer: self.layer });
         }
         let float = self.real(fields, cout * window.height * window.width * cin, cout)?;

@@ -6,9 +6,9 @@
 mod activation;
 mod band;
 mod classes;
-mod error;
 pub mod format;
 pub mod graph;
+mod inference;
 mod load;
 mod load_layers;
 mod op_conv;
@@ -18,7 +18,6 @@ mod op_input;
 mod op_mix;
 mod op_pool;
 mod plan;
-pub mod quant;
 pub mod scales;
 #[cfg(test)]
 pub(crate) mod testing;
@@ -27,19 +26,20 @@ mod tests;
 #[cfg(feature = "tract")]
 pub mod tract;
 
-use crate::arena::Arena;
-use crate::exec::{Executor, within};
+use crate::base::arena::Arena;
+use crate::base::exec::{Executor, within};
+use crate::base::planes::check_planes;
 use crate::frame::LinearImage;
-use crate::kernels::Kernels;
-use crate::maps::{MapsMut, check_planes};
+use crate::kernels::{Kernels, quant};
+use crate::maps::MapsMut;
 use crate::{Error, Observer, Stage};
 pub use activation::NORMAL_Z_EPSILON;
 use band::Input;
 pub use classes::{CLASSES, Class, ClassProbabilities, Classification, Map, Mixing};
 use core::ops::Range;
-pub use error::ModelError;
 use format::{CRF_COEFFICIENTS, Defaults, Sections};
 use graph::{Graph, INPUT, Layer, Op, Source, Sources, Tensor};
+pub use inference::Inference;
 use plan::{Place, Plan};
 
 /// A model file that keeps the format's rules; borrows its bytes.

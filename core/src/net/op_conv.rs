@@ -2,10 +2,10 @@
 use super::band::{Bands, Input};
 use super::format::{F32s, I32s};
 use super::graph::Conv;
-use super::quant::Range;
 use crate::Error;
-use crate::arena::{Arena, bytes_for};
-use crate::exec::{Executor, Plane, for_each_row_block};
+use crate::base::arena::{Arena, bytes_for};
+use crate::base::exec::{Executor, Plane, for_each_row_block};
+use crate::kernels::quant::Range;
 use crate::kernels::{Block, Kernels, Requant, pack};
 
 /// The shape of a convolution's packed weights.

@@ -8,11 +8,11 @@
 use super::band::{Bands, Input};
 use super::graph::Depthwise;
 use super::op_conv::fill_multipliers;
-use super::quant::Range;
 use crate::Error;
-use crate::arena::{Arena, bytes_for};
-use crate::exec::{Executor, Plane, for_each_row_block};
+use crate::base::arena::{Arena, bytes_for};
+use crate::base::exec::{Executor, Plane, for_each_row_block};
 use crate::kernels::Kernels;
+use crate::kernels::quant::Range;
 
 /// Channels of a block.
 const LANES: usize = 16;

@@ -5,11 +5,11 @@
 //! the 255 linear values that lie half-way between codes: no power function per pixel. A photo that was 8-bit sRGB
 //! comes back to its own codes. Coordinates ([`COORDINATE_REACH`]) are in steps of 1/255.
 use super::graph::{COORDINATE_REACH, INPUT_CHANNELS, INPUT_ZERO_POINT};
-use super::quant::round_half_even;
-use crate::exec::{Executor, Plane, ROWS_PER_BLOCK, for_each_row_block};
+use crate::base::exec::{Executor, Plane, ROWS_PER_BLOCK, for_each_row_block};
 use crate::frame::LinearImage;
 use crate::frame::geometry::Geometry;
 use crate::frame::transfer::srgb_to_linear;
+use crate::kernels::quant::round_half_even;
 
 /// Intervals between 0 and 1.
 const BINS: usize = 4096;
@@ -104,7 +104,7 @@ pub(super) fn run(photo: &LinearImage<'_>, exec: &dyn Executor, out: &mut [i8]) 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::exec::Inline;
+    use crate::base::exec::Inline;
     use crate::frame::transfer::linear_to_srgb;
     use std::vec;
 

@@ -9,10 +9,10 @@ use super::classes::{ClassProbabilities, Map};
 use super::format::F32s;
 use super::graph::MixHead;
 use super::op_conv::fill_offsets;
-use super::quant::weight_code;
 use crate::Error;
-use crate::arena::{Arena, bytes_for};
-use crate::exec::{Executor, Plane, for_each_row_block};
+use crate::base::arena::{Arena, bytes_for};
+use crate::base::exec::{Executor, Plane, for_each_row_block};
+use crate::kernels::quant::weight_code;
 use crate::kernels::{Block, Kernels, pack};
 
 fn shape(head: &MixHead<'_>) -> pack::Shape {

@@ -2,8 +2,8 @@
 use super::graph::{Graph, INPUT, MAX_LAYERS, MAX_TENSORS, Op};
 use super::{op_conv, op_depthwise, op_mix};
 use crate::Error;
-use crate::arena::{ALIGN, bytes_for};
-use crate::frame::MAX_SIZE;
+use crate::base::arena::{ALIGN, bytes_for};
+use crate::base::planes::MAX_SIZE;
 use crate::kernels::Kernels;
 
 /// A tensor's place: first element and number of elements (bytes of an image, floats of a vector).

@@ -17,14 +17,14 @@
 //!
 //! Not in the paper, whose photos all have the training size (docs/paper-notes.md).
 use super::{Classification, Model};
-use crate::arena::{Arena, bytes_for};
-use crate::exec::{Executor, ROWS_PER_BLOCK, for_each_row_block, planes3};
+use crate::base::arena::{Arena, bytes_for};
+use crate::base::exec::{Executor, ROWS_PER_BLOCK, for_each_row_block, planes3};
+use crate::base::math::sqrtf;
+use crate::base::resample::{Pair, shrink};
 use crate::frame::LinearImage;
 use crate::maps::MapsMut;
-use crate::math::sqrtf;
+use crate::net::Inference;
 use crate::net::Mixing;
-use crate::pipeline::Engine;
-use crate::pyramid::{Pair, shrink};
 use crate::{Error, Observer, Stage};
 use core::ops::ControlFlow;
 
@@ -48,7 +48,7 @@ pub struct Scales<E> {
     knows_full: bool,
 }
 
-impl<E: Engine> Scales<E> {
+impl<E: Inference> Scales<E> {
     /// Makes the engines for photos of `size` x `size` with `make`.
     ///
     /// # Errors
@@ -65,7 +65,7 @@ impl<E: Engine> Scales<E> {
     }
 }
 
-impl<E: Engine> Engine for Scales<E> {
+impl<E: Inference> Inference for Scales<E> {
     fn model(&self) -> &Model<'_> {
         self.full.model()
     }
@@ -236,7 +236,7 @@ fn to_normals(normal: &mut [f32], size: usize, exec: &dyn Executor) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::exec::Inline;
+    use crate::base::exec::Inline;
     use std::vec;
     use std::vec::Vec;
 

@@ -1,43 +1,8 @@
-//! Test help: a seeded generator, and a textbook convolution that shares nothing with the engine.
+//! Test help: a textbook convolution that shares nothing with the engine.
 use super::band::Input;
 use super::graph::Window;
-use super::quant::Range;
 use std::vec;
 use std::vec::Vec;
-
-/// SplitMix64.
-pub(crate) struct Random(pub(crate) u64);
-
-impl Random {
-    pub(crate) fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        z ^ (z >> 31)
-    }
-
-    /// Uniform in `low..=high`.
-    pub(crate) fn range(&mut self, low: usize, high: usize) -> usize {
-        low + (self.next() % (high - low + 1) as u64) as usize
-    }
-
-    /// Uniform in [-1, 1).
-    pub(crate) fn float(&mut self) -> f32 {
-        (self.next() >> 40) as f32 / (1 << 23) as f32 - 1.0
-    }
-
-    pub(crate) fn codes(&mut self, len: usize) -> Vec<i8> {
-        (0..len).map(|_| self.next() as i8).collect()
-    }
-
-    /// Symmetric weights, the extremes often.
-    pub(crate) fn weights(&mut self, len: usize) -> Vec<i8> {
-        let one =
-            |r: u64| if r & 0xF00 == 0 { if r & 1 == 0 { 127 } else { -127 } } else { (r as i8).max(-127) };
-        (0..len).map(|_| one(self.next())).collect()
-    }
-}
 
 /// sum w (q - zero point) over a window, padded with real zeros: `[side][side][cout]` in 64 bits.
 pub(crate) fn correlate(
@@ -105,10 +70,4 @@ pub(crate) fn correlate_depthwise(
         }
     }
     out
-}
-
-/// The requantisation rule in its textbook order, in double precision after the single product.
-pub(crate) fn requantise(acc: i64, multiplier: f32, range: Range) -> i8 {
-    let rounded = libm::rint(f64::from(acc as f32 * multiplier));
-    (rounded + f64::from(range.zero_point)).clamp(f64::from(range.low), 127.0) as i8
 }

@@ -3,12 +3,15 @@ use super::band::Input;
 use super::classes::{ClassProbabilities, Map};
 use super::format::{F32s, I32s};
 use super::graph::{Conv, Depthwise, MixHead, PackedWindow, Source, Sources, Window};
-use super::quant::Range;
-use super::testing::{Random, correlate, correlate_depthwise, requantise};
+use super::testing::{correlate, correlate_depthwise};
 use super::{op_conv, op_depthwise, op_mix};
-use crate::arena::Arena;
-use crate::exec::{Executor, Inline};
-use crate::kernels::{Kernels, Level, pack};
+use crate::base::arena::Arena;
+use crate::base::exec::{Executor, Inline};
+use crate::base::simd::Level;
+use crate::base::testing::Random;
+use crate::kernels::quant::Range;
+use crate::kernels::testing::requantise;
+use crate::kernels::{Kernels, pack};
 use std::vec;
 use std::vec::Vec;
 
@@ -242,7 +245,7 @@ fn depthwise_convolutions_equal_the_textbook_on_every_level() {
 #[cfg(feature = "parallel")]
 #[test]
 fn depthwise_convolutions_on_threads_equal_the_textbook() {
-    depthwise_equals_the_textbook(2150..2200, &crate::exec::Pool::new(3).expect("threads"));
+    depthwise_equals_the_textbook(2150..2200, &crate::base::exec::Pool::new(3).expect("threads"));
 }
 
 /// Fastest of many runs, one thread: `cargo test -p flashmat-core --release depthwise_speed -- --ignored --nocapture`.

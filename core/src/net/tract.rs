@@ -9,14 +9,15 @@ use super::classes::{CLASSES, ClassProbabilities, Map, Mixing};
 use super::graph::{self, Dense, Depthwise, Graph, INPUT, INPUT_CHANNELS, MixHead, Op, Sources, Window};
 use super::op_input::coordinate;
 use super::{Classification, Model, split3};
-use crate::arena::Arena;
-use crate::exec::Executor;
+use crate::base::arena::Arena;
+use crate::base::exec::Executor;
+use crate::base::planes::check_planes;
 use crate::frame::LinearImage;
 use crate::frame::geometry::Geometry;
 use crate::frame::transfer::linear_to_srgb;
 use crate::kernels::pack::{Shape, unpack};
-use crate::maps::{MapsMut, check_planes};
-use crate::pipeline::Engine;
+use crate::maps::MapsMut;
+use crate::net::Inference;
 use crate::{Error, Observer, Stage};
 use std::boxed::Box;
 use std::vec;
@@ -46,7 +47,7 @@ impl<'m> FloatNetwork<'m> {
     /// [`Error::NetworkSize`]; [`Error::Float`] when tract refuses the graph.
     pub fn new(model: Model<'m>, size: usize) -> Result<Self, Error> {
         let multiple = model.graph.multiple();
-        if size == 0 || size > crate::frame::MAX_SIZE || !size.is_multiple_of(multiple) {
+        if size == 0 || size > crate::base::planes::MAX_SIZE || !size.is_multiple_of(multiple) {
             return Err(Error::NetworkSize { size, multiple });
         }
         let plan = build(&model, size).map_err(|_| Error::Float)?;
@@ -79,7 +80,7 @@ fn floats(values: &TValue) -> Result<&[f32], Error> {
     values.try_as_plain_ram().and_then(|view| view.as_slice::<f32>()).map_err(|_| Error::Float)
 }
 
-impl Engine for FloatNetwork<'_> {
+impl Inference for FloatNetwork<'_> {
     fn model(&self) -> &Model<'_> {
         &self.model
     }

@@ -6,16 +6,17 @@
 mod reduced;
 mod stages;
 
-use crate::arena::{Arena, bytes_for};
+use crate::base::arena::{Arena, bytes_for};
+use crate::base::exec::{At, Executor, within};
+use crate::base::simd::Simd;
 use crate::brdf::{self, Scene};
 use crate::crf::{self, Albedo, Normal, Roughness};
-use crate::exec::{At, Executor, within};
 use crate::frame::{self, FieldOfView, Frame, LinearImage};
 use crate::highlight;
-use crate::kernels::{Kernels, Simd};
-use crate::maps::{Maps, MapsMut};
+use crate::kernels::Kernels;
+use crate::maps::Maps;
 use crate::net::scales::Scales;
-use crate::net::{Class, ClassProbabilities, Classification, Mixing, Model, Network};
+use crate::net::{Class, ClassProbabilities, Inference, Model, Network};
 use crate::search::{self, Lights};
 use crate::{Error, Observer, Stage};
 use stages::First;
@@ -79,55 +80,6 @@ pub struct Capture<'a> {
     pub solver: SolverReports,
 }
 
-/// Gives the first maps: the int8 [`Network`], or another engine that runs the same model.
-pub trait Engine {
-    /// The model: its CRF coefficients refine the maps.
-    fn model(&self) -> &Model<'_>;
-    /// Pixels per side.
-    fn size(&self) -> usize;
-    /// Bytes of workspace for one run.
-    fn workspace_bytes(&self) -> usize;
-    /// Photo to first maps; `mixing` has a say in the class probabilities that mix the heads.
-    ///
-    /// # Errors
-    /// As the engine's own.
-    fn infer(
-        &self,
-        photo: &LinearImage<'_>,
-        mixing: Mixing,
-        exec: &dyn Executor,
-        arena: &mut Arena<'_>,
-        maps: &mut MapsMut<'_>,
-        observer: &mut dyn Observer,
-    ) -> Result<Classification, Error>;
-}
-
-impl Engine for Network<'_> {
-    fn model(&self) -> &Model<'_> {
-        self.model()
-    }
-
-    fn size(&self) -> usize {
-        self.size()
-    }
-
-    fn workspace_bytes(&self) -> usize {
-        self.workspace_bytes()
-    }
-
-    fn infer(
-        &self,
-        photo: &LinearImage<'_>,
-        mixing: Mixing,
-        exec: &dyn Executor,
-        arena: &mut Arena<'_>,
-        maps: &mut MapsMut<'_>,
-        observer: &mut dyn Observer,
-    ) -> Result<Classification, Error> {
-        self.run(photo, mixing, exec, arena, maps, observer)
-    }
-}
-
 /// The int8 network at one size, with the stages around it.
 #[derive(Clone, Debug)]
 pub struct Pipeline<'m> {
@@ -173,7 +125,7 @@ const LIGHT_SCALES: core::ops::RangeInclusive<f32> = 1e-3..=1e3;
 
 /// Bytes of workspace that [`run`] needs with `engine`.
 #[must_use]
-pub fn workspace_bytes(engine: &dyn Engine) -> usize {
+pub fn workspace_bytes(engine: &dyn Inference) -> usize {
     let size = engine.size();
     let plane = bytes_for::<f32>(size.saturating_mul(size));
     // What lies there when a stage runs, in planes beside the photo's, and what the stage itself takes: the first maps
@@ -194,7 +146,7 @@ pub fn workspace_bytes(engine: &dyn Engine) -> usize {
     let needed = stages.map(|(planes, more)| plane.saturating_mul(planes).saturating_add(more));
     frame::prepare_bytes(size)
         .saturating_add(needed.into_iter().max().unwrap_or(0))
-        .saturating_add(crate::arena::ALIGN)
+        .saturating_add(crate::base::arena::ALIGN)
 }
 
 /// One photo through all stages with any engine; the capture lies in `workspace`.
@@ -204,7 +156,7 @@ pub fn workspace_bytes(engine: &dyn Engine) -> usize {
 /// [`Error::NoUsablePixels`] when the photo is clipped all over, [`Error::PhotoBlack`], and what the stages say of wrong
 /// sizes.
 pub fn run<'a>(
-    engine: &dyn Engine,
+    engine: &dyn Inference,
     frame: &Frame<'_>,
     options: &CaptureOptions,
     exec: &dyn Executor,

@@ -5,10 +5,10 @@
 //! difference, interpolated: detail stays the network's. Time and memory of the CRFs then stop growing; all else grows with
 //! the pixels. The paper refines at its photos' 256² (docs/crf.md).
 use crate::Error;
-use crate::arena::{Arena, bytes_for};
+use crate::base::arena::{Arena, bytes_for};
+use crate::base::exec::Executor;
+use crate::base::resample::Pair;
 use crate::crf::{self, Energy};
-use crate::exec::Executor;
-use crate::pyramid::Pair;
 
 /// Pixels per side up to which the CRFs see every pixel.
 pub(super) const CRF_SIZE: usize = 512;
@@ -52,10 +52,10 @@ pub(super) fn refine_at<E: Energy<N>, const N: usize>(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::base::exec::Inline;
     use crate::crf::exact::Dense;
     use crate::crf::scenes::Scene;
     use crate::crf::{Albedo, Normal};
-    use crate::exec::Inline;
     use std::vec;
     use std::vec::Vec;
 

@@ -3,16 +3,16 @@
 //! A refined map takes the place of the network's; without refinement each stage hands the maps on as they are, and the
 //! search is left out. Large photos are refined smaller (`reduced`).
 use super::reduced::{crf_size, refine_at};
-use super::{CaptureOptions, Engine, SolverReports};
+use super::{CaptureOptions, SolverReports};
 use crate::Error;
-use crate::arena::Arena;
+use crate::base::arena::Arena;
+use crate::base::exec::Executor;
+use crate::base::resample::shrunk;
 use crate::brdf::{self, Light, Scene};
 use crate::crf::{self, Albedo, Coefficients, Energy, Normal, Roughness};
-use crate::exec::Executor;
 use crate::frame::LinearImage;
 use crate::maps::{Maps, MapsMut};
-use crate::net::{Class, Classification, Mixing, Model};
-use crate::pyramid::shrunk;
+use crate::net::{Class, Classification, Inference, Mixing, Model};
 use crate::{Observer, highlight, search};
 
 /// What every stage of a run reads.
@@ -59,7 +59,7 @@ pub(super) struct Refined<'a> {
 impl<'a> First<'a> {
     pub(super) fn infer(
         run: &Run<'_, 'a>,
-        engine: &dyn Engine,
+        engine: &dyn Inference,
         arena: &mut Arena<'a>,
         observer: &mut dyn Observer,
     ) -> Result<Self, Error> {

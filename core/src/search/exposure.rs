@@ -2,12 +2,12 @@
 //!
 //! Sums run over runs of pixels in f32, over the runs in f64, as a tree over row blocks.
 use crate::Error;
-use crate::exec::{Executor, ROWS_PER_BLOCK, sum_row_blocks};
+use crate::base::exec::{Executor, ROWS_PER_BLOCK, sum_row_blocks};
+use crate::base::lanes::{LANES, load, sum, unset};
+use crate::base::math::approx::{exp2, gamma, log2};
+use crate::base::math::sqrtf;
+use crate::base::planes::{check_planes, plane_row};
 use crate::frame::LinearImage;
-use crate::lanes::{LANES, load, sum, unset};
-use crate::maps::{check_planes, plane_row};
-use crate::math::approx::{exp2, gamma, log2};
-use crate::math::sqrtf;
 
 /// Mean of the photo's unclipped pixels, linear, under which it is black: code 2 of 255 is brighter.
 const BLACK: f64 = 5e-4;
@@ -274,7 +274,7 @@ pub(super) fn sums<const K: usize, const N: usize>(
 mod tests {
     use super::super::tests::{FOV, scenery};
     use super::*;
-    use crate::exec::Inline;
+    use crate::base::exec::Inline;
     use std::vec;
 
     #[test]

@@ -6,13 +6,13 @@
 //! plane and as far from it as the camera, is the one whose re-render comes nearest to the photo.
 use super::exposure::{Lights, lights, nearer_lights, sums};
 use crate::Error;
-use crate::arena::{ALIGN, Arena, bytes_for};
+use crate::base::arena::{ALIGN, Arena, bytes_for};
+use crate::base::exec::Executor;
+use crate::base::math::approx::gamma;
+use crate::base::resample::{shrink, shrunk};
 use crate::brdf::{self, Scene};
-use crate::exec::Executor;
 use crate::frame::LinearImage;
 use crate::maps::Maps;
-use crate::math::approx::gamma;
-use crate::pyramid::{shrink, shrunk};
 use glam::{Vec2, Vec3};
 
 /// Pixels per side at which photo and re-renders are compared, at most.
@@ -153,7 +153,7 @@ impl Fit<'_> {
 mod tests {
     use super::super::tests::{FOV, Scenery, scenery};
     use super::*;
-    use crate::exec::Inline;
+    use crate::base::exec::Inline;
     use std::vec;
 
     const F0: f32 = 0.05;

@@ -15,13 +15,13 @@ pub use exposure::{Lights, check_exposure, light_scale, lights, residual};
 pub use flash::{flash_position, flash_position_bytes};
 
 use crate::Error;
+use crate::base::exec::{Executor, Plane, ROWS_PER_BLOCK, for_each_row_block};
+use crate::base::lanes::{LANES, Lanes, load3, store, unset};
+use crate::base::math::approx::sqrt;
+use crate::base::planes::check_planes;
 use crate::brdf::{Angles, Incident, Light, Scene, ggx};
-use crate::exec::{Executor, Plane, ROWS_PER_BLOCK, for_each_row_block};
 use crate::frame::LinearImage;
 use crate::frame::geometry::Geometry;
-use crate::lanes::{LANES, Lanes, load3, store, unset};
-use crate::maps::check_planes;
-use crate::math::approx::sqrt;
 use core::f32::consts::PI;
 use glam::Vec3;
 
@@ -244,9 +244,9 @@ fn alpha2(roughness: f32) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::base::exec::{At, Inline};
+    use crate::base::simd::{Level, Simd};
     use crate::brdf::{Sample, render};
-    use crate::exec::{At, Inline};
-    use crate::kernels::{Level, Simd};
     use crate::maps::Maps;
     use std::vec;
     use std::vec::Vec;
@@ -416,7 +416,7 @@ mod tests {
     #[test]
     fn threads_do_not_change_a_bit() {
         let s = scenery(45, 0.05, 0.9);
-        let pool = crate::exec::Pool::new(3).expect("threads");
+        let pool = crate::base::exec::Pool::new(3).expect("threads");
         assert_eq!(s.search(0.05, 0.9, &pool), s.search(0.05, 0.9, &Inline));
     }
 }

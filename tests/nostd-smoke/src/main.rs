@@ -7,9 +7,10 @@
 
 use core::ffi::c_int;
 use core::panic::PanicInfo;
-use flashmat_core::exec::Inline;
+use flashmat_core::base::exec::Inline;
 use flashmat_core::frame::Frame;
-use flashmat_core::kernels::{Kernels, Level};
+use flashmat_core::base::simd::Level;
+use flashmat_core::kernels::Kernels;
 use flashmat_core::net::Model;
 use flashmat_core::pipeline::{CaptureOptions, Pipeline};
 use flashmat_core::{Error, Silent};

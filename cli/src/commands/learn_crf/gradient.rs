@@ -5,7 +5,7 @@
 //! probabilities and the division by the sum.
 use super::sample::{Sample, Sets, Stage};
 use flashmat_core::Error;
-use flashmat_core::arena::Arena;
+use flashmat_core::base::arena::Arena;
 use flashmat_core::crf::coefficients::{COUNT, through_normalisation};
 use flashmat_core::crf::{self, Coefficients, Energy, Unprojected};
 use flashmat_core::net::Class;

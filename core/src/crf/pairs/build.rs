@@ -1,7 +1,7 @@
 //! Building the graph: three passes over the weights' memory, which holds the affinities' codes until the last one.
 use super::codes::{add_squares, affinity_row, merge_one, merge_two};
 use super::{Kernel, Pairs};
-use crate::exec::{Executor, Plane, ROWS_PER_BLOCK, for_each_row, for_each_row_block};
+use crate::base::exec::{Executor, Plane, ROWS_PER_BLOCK, for_each_row, for_each_row_block};
 
 impl Pairs<'_> {
     /// First pass: the square root of every kernel's feature part, in 8 bits, one kernel per byte.

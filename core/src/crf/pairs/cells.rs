@@ -3,8 +3,8 @@ use super::super::coarse::Weights;
 use super::super::pattern::Offset;
 use super::Pairs;
 use super::codes::decode;
-use crate::exec::{Executor, Plane, for_each_row};
-use crate::lanes::LANES;
+use crate::base::exec::{Executor, Plane, for_each_row};
+use crate::base::lanes::LANES;
 use core::ops::Range;
 
 impl Pairs<'_> {

@@ -1,6 +1,6 @@
 //! Where a graph's weights lie, and which pixels they join: see "Storage" in the [module](super).
 use super::super::pattern::{Offset, Pattern};
-use crate::kernels::prefetch;
+use crate::base::simd::prefetch;
 use core::ops::Range;
 
 /// The edges of one row along one offset or its opposite.

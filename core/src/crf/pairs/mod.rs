@@ -19,8 +19,8 @@ mod layout;
 
 use super::pattern::Pattern;
 use crate::Error;
-use crate::arena::{Arena, bytes_for};
-use crate::exec::{Executor, Plane, for_each_row};
+use crate::base::arena::{Arena, bytes_for};
+use crate::base::exec::{Executor, Plane, for_each_row};
 use codes::decode;
 use layout::Shape;
 

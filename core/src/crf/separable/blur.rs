@@ -5,9 +5,9 @@
 //! variance cell²/6 both ways, taken off the blur's own variance), blurred there and read back with the same weights, so
 //! the operator S^T B S stays symmetric and positive, and its cost per pixel does not grow with the image.
 use super::cells::{slice_row, splat_row};
-use crate::exec::{Executor, Plane, for_each_row};
-use crate::maps::plane_row;
-use crate::math::{ceilf, expf, sqrtf};
+use crate::base::exec::{Executor, Plane, for_each_row};
+use crate::base::math::{ceilf, expf, sqrtf};
+use crate::base::planes::plane_row;
 use heapless::Vec;
 
 /// Where the Gaussian ends, in sigmas.
@@ -279,7 +279,7 @@ fn add_one(tap: f32, a: &[f32], out: &mut [f32]) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::exec::Inline;
+    use crate::base::exec::Inline;
     use std::vec;
     use std::vec::Vec;
 

@@ -5,11 +5,11 @@
 mod blur;
 mod cells;
 
-use super::solver::dot;
+use super::vectors::dot;
 use crate::Error;
-use crate::arena::{Arena, bytes_for};
-use crate::exec::{Executor, Plane, for_each_row};
-use crate::maps::plane_row;
+use crate::base::arena::{Arena, bytes_for};
+use crate::base::exec::{Executor, Plane, for_each_row};
+use crate::base::planes::plane_row;
 use blur::Blur;
 
 /// The Laplacian of the normalised blur: L x = rho x - s G (s x), with s = 1/sqrt(G 1) and rho = s G s.

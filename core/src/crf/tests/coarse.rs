@@ -6,8 +6,8 @@ use super::super::solver::{Operator, Report, VECTORS, solve};
 use super::super::system::{Kernels, System};
 use super::super::{Energy, Options};
 use super::{Random, Scene};
-use crate::arena::Arena;
-use crate::exec::Inline;
+use crate::base::arena::Arena;
+use crate::base::exec::Inline;
 use std::vec;
 use std::vec::Vec;
 

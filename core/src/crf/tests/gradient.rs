@@ -1,8 +1,8 @@
 //! The derivative by the coefficients against finite differences, on the product's own solver.
 use super::super::{Energy, Options, Unprojected, derivative, refine};
 use super::{Random, Scene, workspace};
-use crate::arena::Arena;
-use crate::exec::Inline;
+use crate::base::arena::Arena;
+use crate::base::exec::Inline;
 use std::vec::Vec;
 
 const TIGHT: Options = Options { tolerance: 1e-7, max_iterations: 200 };

@@ -3,8 +3,8 @@ use super::super::exact::Dense;
 use super::super::solver::{VECTORS, solve};
 use super::super::{Energy, Options, refine};
 use super::{Scene, relative_error, workspace};
-use crate::arena::Arena;
-use crate::exec::Inline;
+use crate::base::arena::Arena;
+use crate::base::exec::Inline;
 use std::vec;
 use std::vec::Vec;
 

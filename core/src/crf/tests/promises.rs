@@ -6,9 +6,9 @@ use super::super::system::{Kernels, System};
 use super::super::{Albedo, Coefficients, Energy, Options, Report, max_workspace_bytes, refine};
 use super::{Random, Scene, workspace};
 use crate::Error;
-use crate::arena::Arena;
-use crate::exec::{At, Inline};
-use crate::kernels::{Level, Simd};
+use crate::base::arena::Arena;
+use crate::base::exec::{At, Inline};
+use crate::base::simd::{Level, Simd};
 use proptest::prelude::*;
 use std::vec;
 use std::vec::Vec;
@@ -188,7 +188,7 @@ fn threads_do_not_change_a_bit() {
     let scene = Scene::tiles(100, 51);
     let (reference, report) = run(&scene.albedo(), &[0.3, 0.02, 0.2, 0.4, 0.3]);
     for threads in [1, 2, 5] {
-        let pool = crate::exec::Pool::new(threads).expect("threads");
+        let pool = crate::base::exec::Pool::new(threads).expect("threads");
         let mut bytes = workspace::<Albedo<'_>, 5>(100);
         let mut out = scene.albedo.clone();
         let again = refine(

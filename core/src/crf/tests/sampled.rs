@@ -5,8 +5,8 @@ use super::super::solver::{Operator, VECTORS, solve};
 use super::super::system::pixels;
 use super::super::{Energy, Options, UNARY_FLOOR, refine};
 use super::{Scene, relative_error, workspace};
-use crate::arena::Arena;
-use crate::exec::{Executor, Inline};
+use crate::base::arena::Arena;
+use crate::base::exec::{Executor, Inline};
 use std::vec;
 use std::vec::Vec;
 

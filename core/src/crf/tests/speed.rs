@@ -7,9 +7,9 @@ use super::super::solver::Operator;
 use super::super::system::{Kernels, System, pixels};
 use super::super::{Albedo, Coefficients, Energy, Options, feature, refine, workspace_bytes};
 use super::{Scene, workspace};
-use crate::arena::Arena;
-use crate::exec::{At, Inline};
-use crate::kernels::{Level, Simd};
+use crate::base::arena::Arena;
+use crate::base::exec::{At, Inline};
+use crate::base::simd::{Level, Simd};
 use std::time::Instant;
 use std::vec;
 

@@ -2,8 +2,9 @@
 //! in 16 registers, 4 pixels for what is left; a pixel's next four groups are one load.
 #![allow(unsafe_code)]
 use super::super::pack::{BLOCK, GROUP};
-use super::super::{Block, Kernels, Level, Requant};
+use super::super::{Block, Kernels, Requant};
 use super::{HALF, Out, Tile, Walk, store, weights_start};
+use crate::base::simd::Level;
 use core::arch::aarch64::{int8x16_t, int32x4_t, vdupq_n_s32, vld1q_s8, vld1q_s32, vreinterpretq_s8_s32};
 use core::arch::asm;
 

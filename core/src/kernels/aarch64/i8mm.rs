@@ -2,8 +2,9 @@
 //! registers, 4 pixels for what is left. Two group rows zipped by words are four `smmla` operands.
 #![allow(unsafe_code)]
 use super::super::pack::BLOCK;
-use super::super::{Block, Kernels, Level, Requant};
+use super::super::{Block, Kernels, Requant};
 use super::{HALF, Out, Tile, Walk, store, weights_start};
+use crate::base::simd::Level;
 use core::arch::aarch64::{
     int8x16_t, int32x4_t, vcombine_s8, vcreate_s8, vdupq_n_s8, vld1q_s8, vld1q_s32, vreinterpretq_s8_s32,
     vreinterpretq_s32_s8, vreinterpretq_s32_s64, vreinterpretq_s64_s32, vzip1q_s32, vzip1q_s64, vzip2q_s32,

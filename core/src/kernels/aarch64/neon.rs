@@ -7,8 +7,9 @@
 //! The inner loop is in assembly because a compiler that orders these instructions itself runs out of registers.
 #![allow(unsafe_code)]
 use super::super::pack::BLOCK;
-use super::super::{Block, Kernels, Level, Requant};
+use super::super::{Block, Kernels, Requant};
 use super::{HALF, Out, Tile, Walk, store, weights_start};
+use crate::base::simd::Level;
 use core::arch::aarch64::{
     int8x16_t, int32x4_t, vaddq_s32, vdupq_n_s32, vget_low_s8, vld1q_s8, vld1q_s32, vmull_high_s8, vmull_s8,
     vpadalq_s16, vpaddq_s32, vreinterpretq_s8_s32,

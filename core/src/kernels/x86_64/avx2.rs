@@ -4,7 +4,8 @@
 #![allow(unsafe_code)]
 use super::super::pack::{BLOCK, GROUP, PANEL};
 use super::super::tiles::{Tile, Tiles};
-use super::super::{Block, Kernels, Level, Requant};
+use super::super::{Block, Kernels, Requant};
+use crate::base::simd::Level;
 use core::arch::x86_64::{
     __m256i, _mm_cvtsi128_si64, _mm_loadu_si128, _mm_packs_epi16, _mm_packs_epi32, _mm256_add_epi32,
     _mm256_castsi256_si128, _mm256_cvtepi8_epi16, _mm256_cvtepi32_ps, _mm256_cvtps_epi32,

@@ -1,7 +1,7 @@
 //! AVX-512 VBMI: a table of 256 bytes in four registers, looked up for 64 bytes by two `vpermi2b` and a blend on the
 //! bytes' highest bit; `vpdpbusd` (VNNI) adds up four rows' digits. See `columns.rs`.
 #![allow(unsafe_code)]
-use super::super::columns::{AHEAD, ByteTable, DIGITS};
+use super::super::byte_table::{AHEAD, ByteTable, DIGITS};
 use core::arch::x86_64::{
     __m512i, __mmask64, _MM_HINT_T0, _mm_prefetch, _mm512_castsi512_si256, _mm512_cmpge_epu8_mask,
     _mm512_cvtepi32_epi64, _mm512_dpbusd_epi32, _mm512_extracti64x4_epi64, _mm512_loadu_si512,

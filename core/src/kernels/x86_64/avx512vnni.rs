@@ -3,7 +3,8 @@
 #![allow(unsafe_code)]
 use super::super::pack::{BLOCK, GROUP, PANEL};
 use super::super::tiles::{MAX_RUNS, Tile, Tiles};
-use super::super::{Block, Kernels, Level, Requant};
+use super::super::{Block, Kernels, Requant};
+use crate::base::simd::Level;
 use core::arch::x86_64::{
     __m512i, _MM_FROUND_NO_EXC, _MM_FROUND_TO_NEAREST_INT, _mm_mask_storeu_epi8, _mm512_add_epi32,
     _mm512_cvt_roundps_epi32, _mm512_cvtepi32_epi8, _mm512_cvtepi32_ps, _mm512_dpbusd_epi32, _mm512_loadu_ps,

@@ -2,4 +2,3 @@
 pub(super) mod avx2;
 pub(super) mod avx512vbmi;
 pub(super) mod avx512vnni;
-pub(super) mod sqrt;

@@ -1,13 +1,13 @@
 //! Square roots, one after the other: the same instruction at three widths, rounded correctly.
 #![allow(unsafe_code)]
-use crate::math::sqrtf;
+use crate::base::math::sqrtf;
 use core::arch::x86_64::{
     _mm_loadu_ps, _mm_sqrt_ps, _mm_storeu_ps, _mm256_loadu_ps, _mm256_sqrt_ps, _mm256_storeu_ps,
     _mm512_loadu_ps, _mm512_sqrt_ps, _mm512_storeu_ps,
 };
 
 /// Four at a time, with what every x86-64 CPU has.
-pub(in super::super) fn sse2(values: &mut [f32]) {
+pub(super) fn sse2(values: &mut [f32]) {
     let (whole, rest) = values.as_chunks_mut::<4>();
     for four in whole {
         // SAFETY: every x86-64 CPU has SSE; four values are read and written.
@@ -18,7 +18,7 @@ pub(in super::super) fn sse2(values: &mut [f32]) {
 
 /// Eight at a time.
 #[target_feature(enable = "avx2")]
-pub(in super::super) fn avx2(values: &mut [f32]) {
+pub(super) fn avx2(values: &mut [f32]) {
     let (whole, rest) = values.as_chunks_mut::<8>();
     for eight in whole {
         // SAFETY: eight values are read and written.
@@ -29,7 +29,7 @@ pub(in super::super) fn avx2(values: &mut [f32]) {
 
 /// Sixteen at a time.
 #[target_feature(enable = "avx512f,avx512bw,avx512vl")]
-pub(in super::super) fn avx512(values: &mut [f32]) {
+pub(super) fn avx512(values: &mut [f32]) {
     let (whole, rest) = values.as_chunks_mut::<16>();
     for sixteen in whole {
         // SAFETY: sixteen values are read and written.

@@ -1,6 +1,8 @@
 //! Transcendental functions, from `libm` in every build, so that `std` and `no_std` give the same bits; in loops
 //! that are to vectorise, from [`approx`], whose errors are stated.
 pub mod approx;
+pub(crate) mod banded;
+pub(crate) mod sums;
 
 pub use libm::{
     atan2f, atanf, ceilf, cosf, exp2f, expf, fabsf, floorf, log2f, logf, powf, rintf, sinf, sqrtf, tanf,

@@ -27,7 +27,7 @@ pub(crate) fn load(row: &[f32], start: usize) -> Lanes {
 pub(crate) fn load3(planes: &[f32], size: usize, row: usize, start: usize) -> [Lanes; 3] {
     [0, 1, 2].map(
         #[inline(always)]
-        |plane| load(crate::maps::plane_row(planes, size, plane * size + row), start),
+        |plane| load(crate::base::planes::plane_row(planes, size, plane * size + row), start),
     )
 }
 

@@ -64,7 +64,7 @@ pub enum Error {
     /// The system gave no threads.
     Threads,
     /// The bytes are not a model that this build can run.
-    Model(crate::net::ModelError),
+    Model(super::ModelError),
     /// The network cannot run at this size, or photo and maps are not of the size that it was planned for.
     NetworkSize {
         /// The size given.
@@ -75,7 +75,7 @@ pub enum Error {
     /// This CPU or this build does not have the instruction set asked for.
     LevelUnsupported {
         /// The one asked for.
-        level: crate::kernels::Level,
+        level: crate::base::simd::Level,
     },
     /// The float engine (tract) could not build or run the model's graph.
     Float,

@@ -6,7 +6,7 @@
 //! bits on every executor. Reductions ([`sum_row_blocks`]) add up the blocks' values as a tree that depends on the
 //! sizes alone.
 use crate::Error;
-use crate::kernels::Simd;
+use crate::base::simd::Simd;
 use core::ops::Range;
 #[cfg(feature = "parallel")]
 use core::sync::atomic::{AtomicBool, Ordering};

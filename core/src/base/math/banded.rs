@@ -2,9 +2,11 @@
 //!
 //! The matrix is its upper triangle, a row of `stride` values for each unknown: itself and the `band` unknowns behind it, zeros
 //! after that; then its factor, inverse pivots in front.
-use super::refine::UNARY_FLOOR;
-use super::solver::row_sum;
-use crate::math::sqrtf;
+use super::sqrtf;
+use super::sums::row_sum;
+
+/// Least pivot: any positive value keeps a matrix definite whose rounding has taken more than it had.
+const LEAST_PIVOT: f32 = 1e-4;
 
 /// Values of a row that are worked on together.
 const CHUNK: usize = 16;
@@ -20,8 +22,7 @@ pub(crate) fn factorise(matrix: &mut [f32], stride: usize, band: usize) {
     let mut rest = matrix;
     while let Some((row, behind)) = core::mem::take(&mut rest).split_at_mut_checked(stride) {
         let Some((pivot, row)) = row.split_first_mut() else { return };
-        // At least the unknown's own weight, but for rounding; any positive value keeps the matrix definite.
-        let inverse = 1.0 / sqrtf(pivot.max(UNARY_FLOOR));
+        let inverse = 1.0 / sqrtf(pivot.max(LEAST_PIVOT));
         *pivot = inverse;
         row.iter_mut().for_each(|value| *value *= inverse);
         for (t, behind) in behind.chunks_exact_mut(stride).enumerate().take(band) {

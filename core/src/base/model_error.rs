@@ -1,6 +1,9 @@
 //! Why bytes are not a model that this crate can run: one variant per broken rule of `docs/model-format.md`.
 use core::fmt;
 
+/// The format version of model files that this crate reads.
+pub const FORMAT_VERSION: u32 = 2;
+
 /// A broken rule of the model file format.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
@@ -125,7 +128,7 @@ impl fmt::Display for ModelError {
         match *self {
             Self::NotAModel => f.write_str("not a Flashmat model file"),
             Self::Version { found } => {
-                write!(f, "model format version {found}; this build reads version {}", super::format::VERSION)
+                write!(f, "model format version {found}; this build reads version {}", FORMAT_VERSION)
             }
             Self::Length { needed, given } => {
                 write!(f, "{given} bytes where {needed} are needed: the file is cut short or has extra bytes")

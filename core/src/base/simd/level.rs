@@ -57,8 +57,7 @@ impl Level {
     }
 
     fn best(has: fn(Self) -> bool) -> Self {
-        let ready = super::TABLES.iter().map(|kernels| kernels.level());
-        ready.filter(|&level| has(level)).max().unwrap_or(Self::Scalar)
+        Self::ALL.into_iter().filter(|&level| has(level)).max().unwrap_or(Self::Scalar)
     }
 
     /// The lower of this level and `wanted`: a caller may go down from what was detected, never up.
@@ -66,8 +65,9 @@ impl Level {
     /// # Errors
     /// [`Error::LevelUnsupported`] when `wanted` is above this level or of another architecture.
     pub fn lowered_to(self, wanted: Self) -> Result<Self, Error> {
-        let ready = super::TABLES.iter().any(|kernels| kernels.level() == wanted);
-        if ready && (wanted == Self::Scalar || (wanted <= self && wanted.is_x86() == self.is_x86())) {
+        if wanted.is_built()
+            && (wanted == Self::Scalar || (wanted <= self && wanted.is_x86() == self.is_x86()))
+        {
             Ok(wanted)
         } else {
             Err(Error::LevelUnsupported { level: wanted })
@@ -78,9 +78,23 @@ impl Level {
         matches!(self, Self::Avx2 | Self::Avx512Vnni)
     }
 
+    /// Whether this build has kernels of the level: it is one of the target's architecture.
+    pub(crate) const fn is_built(self) -> bool {
+        match self {
+            Self::Scalar => true,
+            Self::Avx2 | Self::Avx512Vnni => cfg!(target_arch = "x86_64"),
+            Self::Neon | Self::DotProd | Self::I8mm => {
+                cfg!(all(target_arch = "aarch64", target_feature = "neon", target_endian = "little"))
+            }
+        }
+    }
+
     /// Whether this CPU can run the level: the CPU's answer with `std`, the compiler's without.
     #[must_use]
     pub fn is_supported(self) -> bool {
+        if !self.is_built() {
+            return false;
+        }
         #[cfg(all(feature = "std", target_arch = "x86_64"))]
         match self {
             Self::Avx2 => return std::arch::is_x86_feature_detected!("avx2"),

@@ -3,8 +3,8 @@
 //! The network's looks are joined so (`net/scales`), albedo is filled in so below highlights (`highlight`), and photos larger
 //! than the CRFs' grid are refined so (`pipeline/reduced`).
 use crate::Error;
-use crate::arena::Arena;
-use crate::exec::{Executor, Plane, ROWS_PER_BLOCK, for_each_row_block};
+use crate::base::arena::Arena;
+use crate::base::exec::{Executor, Plane, ROWS_PER_BLOCK, for_each_row_block};
 
 /// Area average of an `n` x `n` plane to `m` x `m`, m <= n, exact for any ratio.
 pub(crate) fn shrink(large: &[f32], n: usize, m: usize, small: &mut [f32], exec: &dyn Executor) {
@@ -191,7 +191,7 @@ pub(crate) fn bilinear(corners: [[f32; 2]; 2], along: f32, down: f32) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::exec::Inline;
+    use crate::base::exec::Inline;
     use std::vec;
     use std::vec::Vec;
 

@@ -5,8 +5,12 @@
 //! order, so wider registers change the time alone. Closures must be `#[inline(always)]`, and what they call too: a
 //! call that stays a call is compiled for the baseline.
 #![allow(unsafe_code)]
-use super::Level;
+mod level;
+#[cfg(target_arch = "x86_64")]
+mod sqrt;
+
 use crate::Error;
+pub use level::Level;
 
 /// Proof that this CPU has the vector registers that float loops are to use.
 ///
@@ -41,7 +45,7 @@ impl Simd {
         }
         #[cfg(target_arch = "x86_64")]
         if level == Level::Avx512Vnni {
-            return Ok(Self(if super::level::has_vbmi() { Width::Avx512Vbmi } else { Width::Avx512 }));
+            return Ok(Self(if level::has_vbmi() { Width::Avx512Vbmi } else { Width::Avx512 }));
         }
         #[cfg(target_arch = "x86_64")]
         if level != Level::Scalar && Level::Avx2.is_supported() {
@@ -69,14 +73,14 @@ impl Simd {
     pub(crate) fn sqrt(self, values: &mut [f32]) {
         #[cfg(target_arch = "x86_64")]
         match self.0 {
-            Width::Baseline => super::x86_64::sqrt::sse2(values),
+            Width::Baseline => sqrt::sse2(values),
             // SAFETY: as in `run`.
-            Width::Avx2 => unsafe { super::x86_64::sqrt::avx2(values) },
+            Width::Avx2 => unsafe { sqrt::avx2(values) },
             // SAFETY: as in `run`.
-            Width::Avx512 | Width::Avx512Vbmi => unsafe { super::x86_64::sqrt::avx512(values) },
+            Width::Avx512 | Width::Avx512Vbmi => unsafe { sqrt::avx512(values) },
         }
         #[cfg(not(target_arch = "x86_64"))]
-        values.iter_mut().for_each(|value| *value = crate::math::sqrtf(*value));
+        values.iter_mut().for_each(|value| *value = crate::base::math::sqrtf(*value));
     }
 
     /// Whether the CPU has AVX-512 F, BW, VL, VNNI and VBMI: tables of bytes can be looked up in registers.
@@ -167,7 +171,7 @@ mod tests {
                 let mut found = all[..len].to_vec();
                 simd.sqrt(&mut found);
                 for (found, value) in found.iter().zip(&all) {
-                    let root = crate::math::sqrtf(*value);
+                    let root = crate::base::math::sqrtf(*value);
                     let same = found.to_bits() == root.to_bits() || (found.is_nan() && root.is_nan());
                     assert!(same, "{} {value:e}: {found:e} {root:e}", level.name());
                 }
