@@ -4,6 +4,10 @@ use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 
+/// Columns of a line of Markdown; tables, code and lines with a link are exempt.
+const COLUMNS: usize = 120;
+/// Names of files in this repository end so; other endings may be those of files that the programs write.
+const SOURCES: [&str; 10] = ["rs", "py", "sh", "toml", "java", "kt", "swift", "c", "h", "lock"];
 /// Each decision's sections, in this order.
 const SECTIONS: [&str; 5] = ["Question", "Setup", "Result", "Decision", "Status"];
 
@@ -15,15 +19,19 @@ fn read(path: &Path) -> String {
     fs::read_to_string(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
 }
 
+/// What is built, fetched or written, not the project's own.
+fn is_skipped(folder: &Path) -> bool {
+    let name = folder.file_name().expect("a name").to_string_lossy().into_owned();
+    ["target", "node_modules", "runs", "out"].contains(&&*name)
+        || name.starts_with('.')
+        || name.starts_with("target-")
+}
+
 /// Markdown files below `folder` that belong to the project.
 fn markdown(folder: &Path, found: &mut Vec<PathBuf>) {
     for entry in fs::read_dir(folder).expect("a folder") {
         let path = entry.expect("an entry").path();
-        let name = path.file_name().expect("a name").to_string_lossy().into_owned();
-        let skipped = ["target", "node_modules", "runs", "out"].iter().any(|other| name == *other)
-            || name.starts_with('.')
-            || name.starts_with("target-");
-        if path.is_dir() && !skipped {
+        if path.is_dir() && !is_skipped(&path) {
             markdown(&path, found);
         } else if path.extension().is_some_and(|e| e == "md") {
             found.push(path);
@@ -152,4 +160,56 @@ fn code_of_the_readme_is_code_that_is_compiled() {
     for command in ["cargo run --release -p flashmat -- capture samples/leather.jpg", "`./ci.sh`"] {
         assert!(readme.contains(command), "the README must have the command {command}");
     }
+}
+
+#[test]
+fn lines_of_markdown_are_short() {
+    let mut long = Vec::new();
+    for page in pages() {
+        for (number, line, code) in lines(&read(&page)) {
+            let exempt = code || line.trim_start().starts_with('|') || line.contains("](");
+            if !exempt && line.chars().count() > COLUMNS {
+                long.push(format!("{}:{number}", page.display()));
+            }
+        }
+    }
+    assert!(long.is_empty(), "more than {COLUMNS} columns: {long:#?}");
+}
+
+/// Every file of the project, as its path from the root.
+fn files(folder: &Path, found: &mut Vec<String>) {
+    for entry in fs::read_dir(folder).expect("a folder") {
+        let path = entry.expect("an entry").path();
+        if path.is_dir() {
+            if !is_skipped(&path) {
+                files(&path, found);
+            }
+        } else {
+            found.push(path.to_string_lossy().replace('\\', "/"));
+        }
+    }
+}
+
+#[test]
+fn files_that_are_named_are_there() {
+    let mut all = Vec::new();
+    files(&root(), &mut all);
+    let mut gone = Vec::new();
+    // What a decision names was there at its commit.
+    for page in pages().iter().filter(|page| !page.starts_with(root().join("docs/decisions"))) {
+        for (number, line, code) in lines(&read(page)) {
+            for name in line.split('`').skip(1).step_by(2).filter(|_| !code) {
+                let ending = name.rsplit_once('.').map_or("", |(_, ending)| ending);
+                let plain = name.chars().all(|c| c.is_ascii_alphanumeric() || "._-/+".contains(c));
+                if !plain || !SOURCES.contains(&ending) || name.starts_with('.') {
+                    continue;
+                }
+                let end = format!("/{name}");
+                if !all.iter().any(|file| file.ends_with(&end)) {
+                    gone.push(format!("{}:{number}: {name}", page.display()));
+                }
+            }
+        }
+    }
+    assert!(gone.is_empty(), "{gone:#?}");
 }
