@@ -110,8 +110,8 @@ fn ambient(folder: &Path, size: usize) -> Result<Vec<f32>, Failure> {
     let scene: SceneFile =
         serde_json::from_str(&text).map_err(|e| Failure::new(&path, e.to_string(), help))?;
     let path = folder.join("environment.png");
-    let mut planes =
-        mapset::planes(&photo::read(&path)?, Encoding::Linear, size).map_err(|e| Failure::core(&path, &e))?;
+    let mut planes = mapset::planes(&photo::read_map(&path)?, Encoding::Linear, size)
+        .map_err(|e| Failure::core(&path, &e))?;
     planes.iter_mut().for_each(|value| *value *= scene.environment_white);
     Ok(planes)
 }

@@ -1,7 +1,7 @@
 //! Material maps read from a folder: those of a capture, or those of a ground-truth material.
 use crate::failure::Failure;
 use crate::material::OwnedMaps;
-use crate::photo::{self, Photo};
+use crate::photo::{self, Photo, Pixels};
 use flashmat_core::base::arena::Arena;
 use flashmat_core::base::exec::Inline;
 use flashmat_core::frame::{self, Encoding, FieldOfView};
@@ -11,11 +11,11 @@ use std::path::{Path, PathBuf};
 /// Reads `albedo`, `normal` and `roughness` (PNG, JPEG, TIFF or WebP) from `folder`: the central square, averaged to
 /// `size` pixels a side, or as many as the albedo has.
 pub(crate) fn read(folder: &Path, size: Option<usize>) -> Result<OwnedMaps, Failure> {
-    let albedo = photo::read(&find(folder, "albedo")?)?;
+    let albedo = photo::read_map(&find(folder, "albedo")?)?;
     let size = size.unwrap_or(albedo.width.min(albedo.height) as usize);
     let load = |name: &str| -> Result<Vec<f32>, Failure> {
         let path = find(folder, name)?;
-        planes(&photo::read(&path)?, Encoding::Linear, size).map_err(|e| Failure::core(&path, &e))
+        planes(&photo::read_map(&path)?, Encoding::Linear, size).map_err(|e| Failure::core(&path, &e))
     };
     let albedo = planes(&albedo, Encoding::Srgb, size).map_err(|e| Failure::core(folder, &e))?;
     let mut normal = load("normal")?;
@@ -45,6 +45,8 @@ pub(crate) fn planes(
     encoding: Encoding,
     size: usize,
 ) -> Result<Vec<f32>, flashmat_core::Error> {
+    // Files of floats hold linear values.
+    let encoding = if matches!(picture.pixels, Pixels::RgbF32(_)) { Encoding::Linear } else { encoding };
     let frame = picture.frame(encoding)?;
     let mut bytes = vec![0_u8; frame::prepare_bytes(size)];
     let image = frame::prepare(&frame, size, &FieldOfView::default(), &Inline, &mut Arena::new(&mut bytes))?;

@@ -7,6 +7,7 @@ use crate::material::Material;
 use crate::output::{self, png::Depth};
 use crate::photo;
 use flashmat_core::base::simd::Level;
+use flashmat_core::frame;
 use flashmat_core::net::Class;
 use flashmat_core::{Error, Stage};
 use indicatif::{ProgressBar, ProgressStyle};
@@ -28,9 +29,9 @@ pub(crate) struct CaptureArgs {
     /// Folder for the results; each photo gets a folder in it, named like the photo.
     #[arg(long, value_name = "DIR", default_value = "out")]
     out: PathBuf,
-    /// What the photos' values mean.
-    #[arg(long, value_enum, default_value_t)]
-    encoding: Encoding,
+    /// What the photos' values mean, whatever the files say [default: by their colour profiles, else srgb].
+    #[arg(long, value_enum)]
+    encoding: Option<Encoding>,
     /// Angle of view over the photos' shorter side, in degrees [default: from EXIF, else 43.35].
     #[arg(long, value_name = "DEG", value_parser = degrees)]
     fov: Option<f32>,
@@ -87,13 +88,24 @@ impl RunArgs {
 }
 
 /// What the photos' values mean.
-#[derive(Clone, Copy, Default, PartialEq, Eq, clap::ValueEnum)]
+#[derive(Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 enum Encoding {
-    /// sRGB (Display P3 where the file says so).
-    #[default]
+    /// sRGB.
     Srgb,
-    /// Linear light.
+    /// Linear light, sRGB primaries.
     Linear,
+    /// Display P3.
+    DisplayP3,
+}
+
+impl From<Encoding> for frame::Encoding {
+    fn from(encoding: Encoding) -> Self {
+        match encoding {
+            Encoding::Srgb => Self::Srgb,
+            Encoding::Linear => Self::Linear,
+            Encoding::DisplayP3 => Self::DisplayP3,
+        }
+    }
 }
 
 fn level_names() -> clap::builder::PossibleValuesParser {
@@ -145,7 +157,6 @@ pub(crate) fn run(args: &CaptureArgs) -> bool {
         class: args.class.as_deref().and_then(Class::from_name),
         fov_deg: args.fov,
         light_scale: args.light_scale,
-        linear: args.encoding == Encoding::Linear,
     };
     let prepared = fs::create_dir_all(&args.out)
         .map_err(|e| Failure::writing(&args.out, &e))
@@ -226,7 +237,7 @@ fn one_photo(
     }
     bar.set_message(job.name.clone());
     let mut share = Share { bar, done: 0 };
-    let photo = photo::read(job.photo)?;
+    let photo = photo::read_as(job.photo, args.encoding.map(Into::into))?;
     let mut observer = |stage: Stage, fraction: f32| {
         let before = Stage::ALL.iter().position(|&s| s == stage).unwrap_or(0) as f32;
         share.reach((before + fraction.clamp(0.0, 1.0)) / Stage::ALL.len() as f32);

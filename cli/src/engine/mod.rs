@@ -39,7 +39,6 @@ pub(crate) struct Settings {
     pub(crate) fov_deg: Option<f32>,
     /// The user's word on the light's scale in the photo.
     pub(crate) light_scale: Option<f32>,
-    pub(crate) linear: bool,
 }
 
 impl Default for Settings {
@@ -53,7 +52,6 @@ impl Default for Settings {
             class: None,
             fov_deg: None,
             light_scale: None,
-            linear: false,
         }
     }
 }
@@ -140,7 +138,7 @@ impl<'m> Engine<'m> {
         };
         let workspace_bytes = self.session.workspace_bytes();
         let mut clock = StageClock::new();
-        let frame = frame(photo, settings)?;
+        let frame = photo.frame(photo.encoding)?;
         let mut warnings = photo.warnings.clone();
         let side = frame.crop(&fov)?.side;
         if side < settings.size as f64 {
@@ -222,25 +220,16 @@ fn exposure_warning(capture: &Capture<'_>) -> Option<String> {
         .then(|| format!("{percent:.0} % of the photo is overexposed: take it with less exposure"))
 }
 
-/// The photo as the core takes it.
-fn frame<'a>(photo: &'a Photo, settings: &Settings) -> Result<Frame<'a>, Error> {
-    let encoding = match (settings.linear, photo.display_p3) {
-        (true, _) => Encoding::Linear,
-        (false, true) => Encoding::DisplayP3,
-        (false, false) => Encoding::Srgb,
-    };
-    photo.frame(encoding)
-}
-
 impl Photo {
-    /// The pixels as a frame of the core; floating-point files are linear whatever `encoding` says.
+    /// The pixels as a frame of the core.
     pub(crate) fn frame(&self, encoding: Encoding) -> Result<Frame<'_>, Error> {
         let (width, height) = (self.width as usize, self.height as usize);
-        match &self.pixels {
-            Pixels::Rgb8(p) => Ok(Frame::rgb8(p, width, height, 3 * width)?.encoded(encoding)),
-            Pixels::Rgb16(p) => Ok(Frame::rgb16(p, width, height, 3 * width)?.encoded(encoding)),
+        let frame = match &self.pixels {
+            Pixels::Rgb8(p) => Frame::rgb8(p, width, height, 3 * width),
+            Pixels::Rgb16(p) => Frame::rgb16(p, width, height, 3 * width),
             Pixels::RgbF32(p) => Frame::rgb_f32(p, width, height, 3 * width),
-        }
+        };
+        Ok(frame?.encoded(encoding).rotated(self.rotation))
     }
 }
 

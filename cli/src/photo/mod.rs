@@ -1,17 +1,28 @@
 //! Photo files: decoding, and what their metadata says.
 //!
-//! PNG, JPEG, TIFF and WebP; 8 and 16 bits; grey becomes RGB; alpha is left out (a photo is opaque), with a warning
-//! where it was not. EXIF orientation is applied. The size is checked before a pixel is decoded.
+//! PNG, JPEG, TIFF and WebP; 8 and 16 bits, 32 in TIFFs; grey becomes RGB; alpha is left out (a photo is opaque), with
+//! a warning where it was not. The size is checked before a pixel is decoded. `docs/photos.md` says what is read, what
+//! is a warning and what is refused.
+//!
+//! A large picture is in memory once: files are decoded into the buffer that the core reads, whatever is done to the
+//! pixels is done in place, and the core turns them upright.
+mod colour;
+mod container;
 mod exif;
 mod jpeg;
+mod png;
+mod raster;
+mod tiff;
+mod webp;
 
 use crate::failure::Failure;
+use colour::Tags;
+use container::Container;
 use flashmat_core::frame::transfer::linear_to_srgb;
+use flashmat_core::frame::{Encoding, Rotation};
 use flashmat_core::maps;
-use image::metadata::Orientation;
-use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
-use std::fs;
-use std::io::Cursor;
+use std::fs::{self, File};
+use std::io::{BufReader, Read, Seek};
 use std::path::Path;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
@@ -27,13 +38,15 @@ static LARGE: Mutex<()> = Mutex::new(());
 
 const FORMATS_HELP: &str = "give a PNG, JPEG, TIFF or WebP picture";
 
-/// A decoded photo, upright.
+/// A decoded photo, as stored.
 pub(crate) struct Photo {
     pub(crate) width: u32,
     pub(crate) height: u32,
     pub(crate) pixels: Pixels,
-    /// The file says that its colours are Display P3.
-    pub(crate) display_p3: bool,
+    /// What the pixels' values mean.
+    pub(crate) encoding: Encoding,
+    /// How the pixels must be turned to stand upright.
+    pub(crate) rotation: Rotation,
     /// 35 mm-equivalent focal length in millimetres, when the file tells.
     pub(crate) focal_35mm: Option<f32>,
     /// What a user should know about how the file was read.
@@ -48,7 +61,7 @@ pub(crate) enum Pixels {
     Rgb8(Vec<u8>),
     /// As stored, 16 bits.
     Rgb16(Vec<u16>),
-    /// Floating point, which files store linear.
+    /// Floating point.
     RgbF32(Vec<f32>),
 }
 
@@ -63,62 +76,109 @@ impl Photo {
         Ok(Self::plain(side, side, Pixels::Rgb8(pixels)))
     }
 
-    /// Pixels of which nothing more is known.
+    /// Pixels of which nothing more is known: sRGB, floats linear.
     pub(crate) fn plain(width: u32, height: u32, pixels: Pixels) -> Self {
-        Self { width, height, pixels, display_p3: false, focal_35mm: None, warnings: Vec::new(), _turn: None }
+        let encoding = match pixels {
+            Pixels::Rgb8(_) | Pixels::Rgb16(_) => Encoding::Srgb,
+            Pixels::RgbF32(_) => Encoding::Linear,
+        };
+        let (rotation, focal_35mm, warnings) = (Rotation::None, None, Vec::new());
+        Self { width, height, pixels, encoding, rotation, focal_35mm, warnings, _turn: None }
     }
 }
 
-/// Reads and decodes the photo at `path`.
+/// What a container's reader hands over.
+struct Decoded {
+    width: u32,
+    height: u32,
+    pixels: Pixels,
+    /// What the values mean if no tag tells.
+    encoding: Encoding,
+    tags: Tags,
+    exif: exif::Fields,
+    transparent: bool,
+    warnings: Vec<String>,
+}
+
+impl Decoded {
+    fn new(width: u32, height: u32, pixels: Pixels, tags: Tags, exif: exif::Fields) -> Self {
+        let encoding = Encoding::Srgb;
+        Self { width, height, pixels, encoding, tags, exif, transparent: false, warnings: Vec::new() }
+    }
+}
+
+/// Reads and decodes the photo at `path`; its values mean what the file says.
 pub(crate) fn read(path: &Path) -> Result<Photo, Failure> {
-    let bytes = read_bytes(path)?;
-    let format = image::guess_format(&bytes).ok().filter(|f| {
-        matches!(f, ImageFormat::Png | ImageFormat::Jpeg | ImageFormat::Tiff | ImageFormat::WebP)
-    });
-    let Some(format) = format else { return Err(unknown_format(path, &bytes)) };
-    if format == ImageFormat::Jpeg && !jpeg::is_complete(&bytes) {
-        return Err(Failure::new(
-            path,
-            "the JPEG is cut short",
-            "copy it from the phone again; part of the file is missing",
-        ));
-    }
-    let broken = |error: &image::ImageError| {
-        Failure::new(path, format!("cannot be decoded: {}", brief(error)), broken_help(error))
-    };
-    let mut reader = ImageReader::with_format(Cursor::new(&bytes), format);
-    reader.limits(Limits::no_limits());
-    let mut decoder = reader.into_decoder().map_err(|e| broken(&e))?;
-    let (width, height) = decoder.dimensions();
-    check_size(path, width, height)?;
-    let mut limits = Limits::default();
-    limits.max_alloc = Some(MAX_PIXELS * 16);
-    decoder.set_limits(limits).map_err(|e| broken(&e))?;
-    let display_p3 = decoder.icc_profile().ok().flatten().is_some_and(|p| names_display_p3(&p));
-    let large = u64::from(width) * u64::from(height) > LARGE_PIXELS;
-    let turn = large.then(|| LARGE.lock().unwrap_or_else(PoisonError::into_inner));
-    let mut picture = DynamicImage::from_decoder(decoder).map_err(|e| broken(&e))?;
-    let facts = exif::read(&bytes);
-    drop(bytes);
-    if let Some(orientation) = facts.orientation.and_then(Orientation::from_exif) {
-        picture.apply_orientation(orientation);
-    }
-    let mut warnings = Vec::new();
-    if has_transparency(&picture) {
+    read_as(path, None)
+}
+
+/// As [`read`], but where `encoding` is given it wins over all that the file says.
+pub(crate) fn read_as(path: &Path, encoding: Option<Encoding>) -> Result<Photo, Failure> {
+    let (mut decoded, turn) = decode(path)?;
+    let mut warnings = std::mem::take(&mut decoded.warnings);
+    warnings.extend(decoded.exif.loss());
+    let focal_35mm = decoded.exif.focal_35mm(decoded.width, decoded.height, &mut warnings);
+    if decoded.transparent {
         warnings.push("the photo is partly transparent: its alpha channel was left out".to_owned());
     }
-    let (width, height) = (picture.width(), picture.height());
-    let focal_35mm = facts.focal_35mm;
-    Ok(Photo {
-        display_p3,
-        focal_35mm,
-        warnings,
-        _turn: turn,
-        ..Photo::plain(width, height, into_pixels(picture))
-    })
+    let encoding = encoding.unwrap_or_else(|| {
+        let (tags, colours) = (&decoded.tags, decoded.exif.colours());
+        colour::resolve(&mut decoded.pixels, tags, colours, decoded.encoding, &mut warnings)
+    });
+    Ok(Photo { encoding, focal_35mm, warnings, _turn: turn, ..upright(decoded) })
 }
 
-fn read_bytes(path: &Path) -> Result<Vec<u8>, Failure> {
+/// Reads a picture that holds a map: its values are taken as they are, whatever profile the file names.
+pub(crate) fn read_map(path: &Path) -> Result<Photo, Failure> {
+    let (decoded, turn) = decode(path)?;
+    Ok(Photo { _turn: turn, ..upright(decoded) })
+}
+
+/// Mirrors the pixels and finds their turn, by EXIF's orientation.
+fn upright(decoded: Decoded) -> Photo {
+    let orientation = decoded.exif.orientation.unwrap_or(1);
+    let mut photo = Photo::plain(decoded.width, decoded.height, decoded.pixels);
+    if matches!(orientation, 2 | 4 | 5 | 7) {
+        raster::mirror(&mut photo.pixels, photo.width as usize);
+    }
+    photo.rotation = match orientation {
+        3 | 4 => Rotation::Cw180,
+        6 | 7 => Rotation::Cw90,
+        5 | 8 => Rotation::Cw270,
+        _ => Rotation::None,
+    };
+    photo
+}
+
+fn decode(path: &Path) -> Result<(Decoded, Option<MutexGuard<'static, ()>>), Failure> {
+    let mut file = open(path)?;
+    let reading = |error: std::io::Error| Failure::reading(path, &error);
+    let mut head = Vec::new();
+    (&mut file).take(container::HEAD as u64).read_to_end(&mut head).map_err(reading)?;
+    let container = container::sniff(path, &head)?;
+    file.rewind().map_err(reading)?;
+    let mut turn = None;
+    let mut check = |width: u32, height: u32| {
+        check_size(path, width, height)?;
+        if u64::from(width) * u64::from(height) > LARGE_PIXELS {
+            turn = Some(LARGE.lock().unwrap_or_else(PoisonError::into_inner));
+        }
+        Ok(())
+    };
+    let mut all = || {
+        let mut bytes = Vec::new();
+        file.read_to_end(&mut bytes).map(|_| bytes).map_err(reading)
+    };
+    let decoded = match container {
+        Container::Jpeg => jpeg::decode(path, all()?, &mut check),
+        Container::WebP => webp::decode(path, &all()?, &mut check),
+        Container::Png => png::decode(path, BufReader::new(file), &mut check),
+        Container::Tiff => tiff::decode(path, BufReader::new(file), &mut check),
+    }?;
+    Ok((decoded, turn))
+}
+
+fn open(path: &Path) -> Result<File, Failure> {
     let metadata = fs::metadata(path).map_err(|e| Failure::reading(path, &e))?;
     if metadata.is_dir() {
         return Err(Failure::new(path, "is a folder", "name the photos in it, as in FOLDER/*.jpg"));
@@ -140,19 +200,7 @@ fn read_bytes(path: &Path) -> Result<Vec<u8>, Failure> {
             "give a smaller picture",
         ));
     }
-    fs::read(path).map_err(|e| Failure::reading(path, &e))
-}
-
-fn unknown_format(path: &Path, bytes: &[u8]) -> Failure {
-    let is_heif = bytes.get(4..12).is_some_and(|b| {
-        [b"ftypheic", b"ftypheix", b"ftypmif1", b"ftypmsf1", b"ftypavif"].iter().any(|brand| b == *brand)
-    });
-    if is_heif {
-        let help = "convert it to JPEG, or let the phone take JPEG (iPhone: Settings, Camera, Formats, Most Compatible)";
-        Failure::new(path, "is an HEIF or AVIF picture, which Flashmat does not read", help)
-    } else {
-        Failure::new(path, "is not a picture that Flashmat reads", FORMATS_HELP)
-    }
+    File::open(path).map_err(|e| Failure::reading(path, &e))
 }
 
 fn check_size(path: &Path, width: u32, height: u32) -> Result<(), Failure> {
@@ -168,48 +216,23 @@ fn check_size(path: &Path, width: u32, height: u32) -> Result<(), Failure> {
     Ok(())
 }
 
-fn broken_help(error: &image::ImageError) -> &'static str {
-    match error {
-        image::ImageError::Unsupported(_) => "save it as an ordinary PNG or JPEG",
-        _ => "the file is damaged: copy it from the phone again",
+/// A decoder's failure: of the file, or of what the decoder knows.
+fn undecodable(path: &Path, error: &str, unsupported: bool) -> Failure {
+    let text = brief(error);
+    if unsupported {
+        let what = format!("cannot be decoded: not supported: {text}");
+        return Failure::new(path, what, "save it as an ordinary PNG, JPEG or TIFF");
     }
+    let help = "the file is damaged: copy it from the phone again";
+    Failure::new(path, format!("cannot be decoded: {text}"), help)
 }
 
-/// The decoder's message as one short line.
-fn brief(error: &image::ImageError) -> String {
-    let text = error.to_string().split_whitespace().collect::<Vec<_>>().join(" ");
+/// A decoder's message as one short line.
+fn brief(error: &str) -> String {
+    let text = error.split_whitespace().collect::<Vec<_>>().join(" ");
     match text.char_indices().nth(160) {
         Some((end, _)) => format!("{}...", text.get(..end).unwrap_or("")),
         None => text,
-    }
-}
-
-/// Whether an ICC profile calls itself Display P3, in ASCII or UTF-16.
-fn names_display_p3(profile: &[u8]) -> bool {
-    let ascii: &[u8] = b"Display P3";
-    let wide: Vec<u8> = ascii.iter().flat_map(|&b| [0, b]).collect();
-    [ascii, &wide].iter().any(|name| profile.windows(name.len()).any(|w| w == *name))
-}
-
-fn has_transparency(picture: &DynamicImage) -> bool {
-    match picture {
-        DynamicImage::ImageLumaA8(p) => p.pixels().any(|p| p.0[1] != u8::MAX),
-        DynamicImage::ImageRgba8(p) => p.pixels().any(|p| p.0[3] != u8::MAX),
-        DynamicImage::ImageLumaA16(p) => p.pixels().any(|p| p.0[1] != u16::MAX),
-        DynamicImage::ImageRgba16(p) => p.pixels().any(|p| p.0[3] != u16::MAX),
-        DynamicImage::ImageRgba32F(p) => p.pixels().any(|p| p.0[3] < 1.0),
-        _ => false,
-    }
-}
-
-fn into_pixels(picture: DynamicImage) -> Pixels {
-    use image::DynamicImage as P;
-    match picture {
-        P::ImageLuma16(_) | P::ImageLumaA16(_) | P::ImageRgb16(_) | P::ImageRgba16(_) => {
-            Pixels::Rgb16(picture.into_rgb16().into_raw())
-        }
-        P::ImageRgb32F(_) | P::ImageRgba32F(_) => Pixels::RgbF32(picture.into_rgb32f().into_raw()),
-        _ => Pixels::Rgb8(picture.into_rgb8().into_raw()),
     }
 }
 

@@ -1,5 +1,5 @@
 use super::*;
-use image::{GrayAlphaImage, GrayImage, ImageBuffer, Luma, Rgb, RgbImage, Rgba};
+use image::{DynamicImage, GrayAlphaImage, GrayImage, ImageBuffer, Luma, Rgb, RgbImage, Rgba};
 use std::path::PathBuf;
 
 /// A file in a folder of its own, gone with the value.
@@ -41,7 +41,7 @@ fn grey_and_alpha_become_rgb() {
     GrayImage::from_fn(40, 33, |x, _| Luma([x as u8])).save(&file.0).expect("save");
     let photo = read(&file.0).expect("photo");
     assert_eq!((photo.width, photo.height), (40, 33));
-    assert!(photo.warnings.is_empty() && photo.focal_35mm.is_none() && !photo.display_p3);
+    assert!(photo.warnings.is_empty() && photo.focal_35mm.is_none() && photo.encoding == Encoding::Srgb);
     assert_eq!(&rgb8(photo)[..9], [0, 0, 0, 1, 1, 1, 2, 2, 2]);
 
     let file = Temporary::new("alpha.png");
@@ -113,20 +113,28 @@ fn jpeg_with_exif(orientation: u16, focal_length: u16) -> Vec<u8> {
 
 #[test]
 fn exif_orientation_turns_the_photo() {
-    // Where the bright half must lie: (width, height, bright point, dark point).
+    // The stored picture is mirrored or not, then turned: (bright half of the stored picture is right, rotation).
     let cases = [
-        (1, (48, 32), (2, 16), (45, 16)),
-        (2, (48, 32), (45, 16), (2, 16)),
-        (3, (48, 32), (45, 16), (2, 16)),
-        (6, (32, 48), (16, 2), (16, 45)),
-        (8, (32, 48), (16, 45), (16, 2)),
+        (1, false, Rotation::None),
+        (2, true, Rotation::None),
+        (3, false, Rotation::Cw180),
+        (4, true, Rotation::Cw180),
+        (5, true, Rotation::Cw270),
+        (6, false, Rotation::Cw90),
+        (7, true, Rotation::Cw90),
+        (8, false, Rotation::Cw270),
     ];
-    for (orientation, size, bright, dark) in cases {
+    for (orientation, mirrored, rotation) in cases {
         let file = Temporary::holding("turned.jpg", &jpeg_with_exif(orientation, 26));
         let photo = read(&file.0).expect("photo");
-        assert_eq!((photo.width, photo.height), size, "orientation {orientation}");
+        assert_eq!(
+            (photo.width, photo.height, photo.rotation),
+            (48, 32, rotation),
+            "orientation {orientation}"
+        );
         let pixels = rgb8(photo);
-        let at = |(x, y): (usize, usize)| pixels[3 * (y * size.0 as usize + x)];
+        let at = |x: usize| pixels[3 * (16 * 48 + x)];
+        let (bright, dark) = if mirrored { (45, 2) } else { (2, 45) };
         assert!(at(bright) > 200 && at(dark) < 50, "orientation {orientation}");
     }
 }
@@ -177,11 +185,4 @@ fn a_bomb_is_refused_before_it_is_decoded() {
     bytes.extend(b"\0\0\0\0IDAT\x35\xaf\x06\x1e\0\0\0\0IEND\xae\x42\x60\x82");
     let line = failure(&Temporary::holding("bomb.png", &bytes));
     assert!(line.contains("60000 x 60000 pixels, too many"), "{line}");
-}
-
-#[test]
-fn a_display_p3_profile_is_recognised() {
-    assert!(names_display_p3(b"....mluc....Display P3...."));
-    assert!(names_display_p3(b"..\0D\0i\0s\0p\0l\0a\0y\0 \0P\x003"));
-    assert!(!names_display_p3(b"sRGB IEC61966-2.1"));
 }

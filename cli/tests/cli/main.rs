@@ -7,3 +7,4 @@ mod disk;
 mod eval;
 mod glb;
 mod model_file;
+mod photos;
