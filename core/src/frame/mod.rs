@@ -11,6 +11,8 @@
 //! centre of a 50,000x1 one) gives a constant image. [`Frame::crop`] tells callers who want to refuse such photos.
 pub mod geometry;
 mod pixels;
+#[cfg(test)]
+mod properties;
 mod resample;
 #[cfg(test)]
 mod tests;
