@@ -25,9 +25,9 @@ fn threads_that_share_an_engine_are_kept_apart() {
     clean("concurrency");
 }
 
-/// `FLASHMAT_SOAK` captures (300 if it does not say): docs/abi.md has the table of 10,000.
+/// `FLASHMAT_SOAK` captures (300 if it does not say): docs/reliability.md has a long run's table.
 #[test]
-fn memory_stays_flat_over_many_captures() {
+fn memory_stays_flat_and_maps_the_same_over_many_captures() {
     let captures = std::env::var("FLASHMAT_SOAK").unwrap_or_else(|_| "300".into());
     let soak = program(&root().join("tests/c/soak.c"), Build::C99);
     println!("{}", run(Command::new(soak).arg(toy_model()).arg(captures)));
