@@ -3,8 +3,8 @@
 use super::geometry::Geometry;
 use super::transfer::linear_to_srgb;
 use super::*;
-use crate::exec::Inline;
-use crate::testing::property;
+use crate::base::exec::Inline;
+use crate::base::testing::property;
 use proptest::prelude::*;
 use std::vec;
 use std::vec::Vec;
