@@ -19,6 +19,7 @@ from test_training import same
 from flashmat_train import checkpoint
 from flashmat_train.data.batches import SceneOptions
 from flashmat_train.data.pool import Pool
+from flashmat_train.detail import stage
 from flashmat_train.detail.losses import DetailWeights
 from flashmat_train.detail.network import DetailConfig, DetailNetwork, corrected
 from flashmat_train.detail.photos import Plan, base_of, crops_from, source
@@ -136,14 +137,19 @@ def test_another_process_makes_the_same_crops(data_folder: Path, global_file: Pa
             same(a.target, b.target, "target")
 
 
-def test_resume_is_bit_for_bit(few_rooms: None, data_folder: Path, global_file: Path, tmp_path: Path) -> None:
+def test_resume_is_bit_for_bit(
+    few_rooms: None, monkeypatch: pytest.MonkeyPatch, data_folder: Path, global_file: Path, tmp_path: Path
+) -> None:
     """Four steps at one go; one step, a stop, three more: the same weights."""
     plan = ("--samples", "8", "--save-every", "2", "--eval-every", "4", "--metallic", "--no-prefetch")
     run(arguments(data_folder, tmp_path / "whole", global_file, *plan))
     whole = checkpoint.load(tmp_path / "whole" / "last.pt")
     stopped = arguments(data_folder, tmp_path / "parts", global_file, *plan, "--val-photos", "0")
     stopped.minutes = 1e-9
+    monkeypatch.setattr(stage, "bf16_pays", lambda _: whole["bf16"])
     run(stopped)
+    # goes on as it began, whatever would be the faster now
+    monkeypatch.setattr(stage, "bf16_pays", lambda _: not whole["bf16"])
     assert checkpoint.load(tmp_path / "parts" / "last.pt")["step"] == 1
     run(arguments(data_folder, tmp_path / "parts", global_file, *plan, "--val-photos", "0"))
     parts = checkpoint.load(tmp_path / "parts" / "last.pt")

@@ -21,6 +21,7 @@ flash's place, rgb the photo in linear light and Y = (r + g + b)/3:
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import torch
@@ -28,10 +29,9 @@ import torch.nn.functional as F
 from torch import Tensor
 
 from ..data.pool import srgb_decode
-from ..losses import specular_share
 from ..model import COORDINATE_REACH
-from ..render.brdf import blended_f0, normalise
-from ..render.flash import Geometry, render_point
+from ..render.brdf import blended_f0, dot, normalise, shade
+from ..render.flash import Geometry
 from ..slopes import normals_of
 
 NAMES = (
@@ -98,12 +98,18 @@ def shading(photo: Tensor) -> Tensor:
 
 
 def rendered(base: GlobalMaps, geometry: Geometry, light: Tensor) -> tuple[Tensor, Tensor]:
-    """(B,1,n,n) the global maps' re-render under the flash, mean of its channels, and the highlight's share of it."""
+    """(B,1,n,n) the global maps' re-render under the flash, mean of its channels, and the highlight's share of it.
+
+    `shade` is a sum of albedo's part and the highlight, and only the first has a colour.
+    """
     normal, f0 = normals_of(base.slopes), blended_f0(base.metal)
-    radiance = render_point(base.albedo, normal, base.roughness, f0, geometry, light).mean(dim=1, keepdim=True)
-    direction = normalise(light[:, :, None, None] - geometry.points)
-    maps = {"albedo": base.albedo, "normal": normal, "roughness": base.roughness}
-    return radiance, specular_share(maps, f0, geometry.view, direction).clamp(0, 1)
+    to_light = light[:, :, None, None] - geometry.points
+    d2 = dot(to_light, to_light).clamp_min(1e-6)
+    direction = to_light / d2.sqrt()
+    gloss = shade(torch.zeros_like(base.roughness), normal, base.roughness, direction, geometry.view, f0)
+    lit = dot(normal, direction).clamp_min(0.0) * (dot(normal, geometry.view) > 0)
+    both = gloss + base.albedo.mean(dim=1, keepdim=True) / math.pi * lit
+    return both * (math.pi / d2), (gloss / both.clamp_min(1e-6)).clamp(0, 1)
 
 
 def unexplained(photo: Tensor, radiance: Tensor) -> Tensor:

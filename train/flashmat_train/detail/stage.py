@@ -13,6 +13,7 @@ import argparse
 import contextlib
 import json
 import os
+import time
 import zlib
 from collections.abc import Iterator
 from dataclasses import asdict, replace
@@ -81,7 +82,7 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
     p.add_argument("--device", default="cuda" if cuda else "cpu")
     p.add_argument("--threads", type=int, default=0)
     p.add_argument("--no-compile", action="store_true")
-    p.add_argument("--no-bf16", action="store_true", help="single precision also where the processor has bf16")
+    p.add_argument("--no-bf16", action="store_true", help="single precision also where bf16 is the faster")
     p.add_argument("--minutes", type=float, default=0, help="stop after this long, with a checkpoint (0: no limit)")
     p.add_argument("--save-every", type=int, default=500, help="steps")
     p.add_argument("--eval-every", type=int, default=2000, help="steps")
@@ -89,9 +90,25 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
     p.add_argument("--split-checkpoint", action="store_true", help="checkpoints as files under 16 MiB")
 
 
-def has_bf16(device: torch.device) -> bool:
-    """Whether the processor multiplies bf16 numbers by instructions of its own."""
-    return device.type == "cuda" or torch.cpu._is_avx512_bf16_supported()
+def bf16_pays(device: torch.device) -> bool:
+    """Whether convolutions take less time in bf16 than in single precision, as measured here: some processors have
+    instructions for bf16 that are slower than those for floats."""
+    if device.type == "cuda":
+        return True
+    if not torch.cpu._is_avx512_bf16_supported():
+        return False
+
+    def seconds(kind: torch.dtype) -> float:
+        x = torch.ones(4, 64, 64, 64, dtype=kind).contiguous(memory_format=torch.channels_last)
+        weight = torch.ones(64, 64, 3, 3, dtype=kind)
+        times = []
+        for _ in range(5):
+            begin = time.process_time()
+            torch.nn.functional.conv2d(x, weight, padding=1)
+            times.append(time.process_time() - begin)
+        return min(times)
+
+    return seconds(torch.bfloat16) < seconds(torch.float32)
 
 
 def weights_of(args: argparse.Namespace) -> DetailWeights:
@@ -162,6 +179,7 @@ class DetailTrainer(Trainer):
     def __init__(self, args: argparse.Namespace, place: Place, first: Network):
         super().__init__(args, place, None)
         self.first, self.global_scores = first, {}
+        self.bf16: bool | None = None  # what the checkpoint says that the run has learned in
 
     def build(self, config: DetailConfig) -> None:
         """Makes the network, or takes it up where a checkpoint left it."""
@@ -180,6 +198,7 @@ class DetailTrainer(Trainer):
                 )
             self.learner.load(state)
             self.start, self.seconds, self.before = state["step"], state["seconds"], state["before"]
+            self.bf16 = state["bf16"]
         elif args.init:
             self.begin_from(args.init, config)
 
@@ -220,6 +239,7 @@ class DetailTrainer(Trainer):
             "before": self.before,
             "config": self.network.config.asdict(),
             "global": self.fingerprint,
+            "bf16": not self.args.no_bf16,
             "seconds": seconds,
         }
         checkpoint.save(state, self.path, self.args.split_checkpoint)
@@ -269,11 +289,12 @@ def run(args: argparse.Namespace) -> None:
     place = enter(args)
     if place.device.type == "cuda":
         args.no_prefetch = True  # the card renders as well
-    bf16 = not args.no_bf16 and has_bf16(place.device)
-    args.no_bf16 = not bf16
     config = DetailConfig(tuple(args.widths), args.fine, not args.no_trunk, args.metallic)
     trainer = DetailTrainer(args, place, load_global(args.init_global).to(place.device))
     trainer.build(config)
+    # a run goes on as it began, so that its weights are the same bit for bit
+    bf16 = not args.no_bf16 and (bf16_pays(place.device) if trainer.bf16 is None else trainer.bf16)
+    args.no_bf16 = not bf16
     params = sum(p.numel() for p in trainer.network.parameters())
     print(f"detail: {params / 1e6:.2f} M parameters, {gmacs(config):.2f} GMAC at 256², {'bf16' if bf16 else 'float'}")
     if trainer.start:
