@@ -15,8 +15,8 @@ impl Fonts {
     pub(crate) fn load() -> Self {
         let font = |bytes: &'static [u8]| FontRef::try_from_slice(bytes).expect("the embedded font is whole");
         Self {
-            regular: font(include_bytes!("../../fonts/Inter-Regular.otf")),
-            bold: font(include_bytes!("../../fonts/Inter-SemiBold.otf")),
+            regular: font(include_bytes!("../../fonts/Inter-Regular.ttf")),
+            bold: font(include_bytes!("../../fonts/Inter-SemiBold.ttf")),
         }
     }
 }
@@ -65,11 +65,18 @@ impl Text<'_> {
     pub(crate) fn draw(&self, canvas: &mut RgbImage, x: f32, y: f32, line: &str) {
         let font = self.font.as_scaled(self.size);
         let mut pen = x;
+        // The letter before, and where it starts.
         let mut before = None;
         for c in line.chars() {
             let id = self.font.glyph_id(c);
-            pen += before.map_or(0.0, |b| font.kern(b, id));
-            let glyph = id.with_scale_and_position(self.size, ab_glyph::point(pen, y));
+            let advance = font.h_advance(id);
+            // An accent of its own (as in names from macOS) goes onto its letter; fonts place it by the letter's start.
+            let is_accent = advance == 0.0;
+            if let (Some((letter, _)), false) = (before, is_accent) {
+                pen += font.kern(letter, id);
+            }
+            let at = before.filter(|_| is_accent).map_or(pen, |(_, start)| start);
+            let glyph = id.with_scale_and_position(self.size, ab_glyph::point(at, y));
             if let Some(outline) = self.font.outline_glyph(glyph) {
                 let corner = outline.px_bounds().min;
                 outline.draw(|dx, dy, coverage| {
@@ -82,8 +89,10 @@ impl Text<'_> {
                     );
                 });
             }
-            pen += font.h_advance(id);
-            before = Some(id);
+            if !is_accent {
+                before = Some((id, pen));
+                pen += advance;
+            }
         }
     }
 
@@ -108,6 +117,35 @@ pub(crate) fn fill(canvas: &mut RgbImage, (x, y): (u32, u32), (width, height): (
     for row in y..y.saturating_add(height).min(canvas.height()) {
         for column in x..x.saturating_add(width).min(canvas.width()) {
             canvas.put_pixel(column, row, Rgb(colour));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn drawn(font: &FontRef<'static>, line: &str) -> RgbImage {
+        let mut canvas = RgbImage::new(400, 60);
+        Text { font, size: 34.0, colour: [255; 3] }.draw(&mut canvas, 10.0, 44.0, line);
+        canvas
+    }
+
+    #[test]
+    fn letters_of_europe_are_shown_and_no_others_pretended() {
+        let fonts = Fonts::load();
+        for font in [&fonts.regular, &fonts.bold] {
+            let text = Text { font, size: 34.0, colour: [255; 3] };
+            let known = "Küche Fußboden ünï — Œuvre Żółć Ñandú İğne Δρύς Дуб 1²×³ 90° …";
+            assert_eq!(text.fit(known, 1e6), known);
+            assert_eq!(text.fit("木 a", 1e6), "? a");
+            assert_ne!(drawn(font, "ü"), drawn(font, "u"));
+            // An accent of its own lies over its letter and takes no place of its own.
+            assert!((text.width("u\u{308}x") - text.width("ux")).abs() < 2.0);
+            let (split, whole) = (drawn(font, "u\u{308}"), drawn(font, "ü"));
+            let ink = |p: &RgbImage| p.pixels().map(|p| u64::from(p.0[0])).sum::<u64>() as f64;
+            let apart: u64 = split.iter().zip(whole.iter()).map(|(a, b)| u64::from(a.abs_diff(*b))).sum();
+            assert!((apart as f64) < 0.6 * ink(&whole), "{apart} of {}", ink(&whole));
         }
     }
 }
