@@ -62,7 +62,7 @@ impl fmt::Display for Failure {
 impl std::error::Error for Failure {}
 
 /// A path as text that cannot break the line it stands in.
-fn one_line(path: &Path) -> String {
+pub(crate) fn one_line(path: &Path) -> String {
     path.display().to_string().replace(['\n', '\r'], "?")
 }
 

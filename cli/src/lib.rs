@@ -4,6 +4,7 @@
 mod commands;
 mod dataset;
 mod engine;
+mod exposure;
 mod failure;
 #[doc(hidden)]
 pub mod fuzzing;

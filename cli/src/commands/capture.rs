@@ -1,9 +1,13 @@
 //! `flashmat capture`: photos in, a folder of maps for each out.
 use super::{complain, say, workers};
 use crate::engine::{Engine, EngineKind, ModelFile, Settings};
-use crate::failure::Failure;
+use crate::exposure;
+use crate::failure::{Failure, one_line};
 use crate::interrupt;
 use crate::material::Material;
+use crate::output::files::{self, System};
+use crate::output::owner::Stamp;
+use crate::output::places::{Place, Places};
 use crate::output::{self, png::Depth};
 use crate::photo;
 use flashmat_core::base::simd::Level;
@@ -11,11 +15,10 @@ use flashmat_core::frame;
 use flashmat_core::net::Class;
 use flashmat_core::{Error, Stage};
 use indicatif::{ProgressBar, ProgressStyle};
-use std::collections::HashSet;
 use std::fs;
-use std::path::{Path, PathBuf};
-use std::sync::Mutex;
+use std::path::PathBuf;
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Mutex, PoisonError};
 
 /// Steps of the progress bar for one photo.
 const STEPS: u64 = 100;
@@ -140,12 +143,6 @@ fn thread_count(text: &str) -> Result<usize, String> {
     text.parse().ok().filter(fits).ok_or_else(|| "must be 1 to 1024".to_owned())
 }
 
-/// One photo's work.
-struct Job<'a> {
-    photo: &'a Path,
-    name: String,
-}
-
 /// Runs the command; `false` when a photo gave no maps.
 pub(crate) fn run(args: &CaptureArgs) -> bool {
     let settings = Settings {
@@ -173,19 +170,26 @@ pub(crate) fn run(args: &CaptureArgs) -> bool {
             return false;
         }
     };
-    let jobs = jobs(&args.photos);
+    files::sweep(&System, &args.out);
+    let mut places = Places::new(&args.out);
+    let jobs: Vec<_> = places.plan(&args.photos).into_iter().map(Mutex::new).collect();
+    let places = Mutex::new(places);
     let bar = progress_bar(jobs.len(), args.quiet);
     let bad = AtomicUsize::new(0);
     let printing = Mutex::new(());
     workers::run(workers, jobs.len(), &model, &settings, |engine, i| {
         let Some(job) = jobs.get(i) else { return };
+        let mut place = job.lock().unwrap_or_else(PoisonError::into_inner);
         let result = match engine {
-            Ok(engine) => one_photo(engine, job, args, &bar),
-            Err(failure) => Err(failure.at(job.photo)),
+            Ok(engine) => one_photo(engine, &mut place, &places, args, &bar),
+            Err(failure) => Err(failure.at(&place.photo)),
         };
         let _turn = printing.lock();
         bar.suspend(|| match result {
-            Ok(material) if !args.quiet => say(&summary(job, &material, args)),
+            Ok(material) if !args.quiet => {
+                notes(&place, &material).iter().for_each(|line| complain(line));
+                say(&summary(&place, &material, args));
+            }
             Ok(_) => {}
             Err(failure) => {
                 bad.fetch_add(1, Ordering::Relaxed);
@@ -195,23 +199,6 @@ pub(crate) fn run(args: &CaptureArgs) -> bool {
     });
     bar.finish_and_clear();
     bad.load(Ordering::Relaxed) == 0
-}
-
-/// Gives each photo its folder's name: its stem, numbered where another photo has it already.
-fn jobs(photos: &[PathBuf]) -> Vec<Job<'_>> {
-    let mut taken = HashSet::new();
-    let job = |photo| {
-        let path: &PathBuf = photo;
-        let stem = path.file_stem().map_or_else(|| "photo".to_owned(), |s| s.to_string_lossy().into_owned());
-        let mut name = stem.clone();
-        let mut count = 1;
-        while !taken.insert(name.clone()) {
-            count += 1;
-            name = format!("{stem}-{count}");
-        }
-        Job { photo: path, name }
-    };
-    photos.iter().map(job).collect()
 }
 
 fn progress_bar(photos: usize, quiet: bool) -> ProgressBar {
@@ -227,33 +214,48 @@ fn progress_bar(photos: usize, quiet: bool) -> ProgressBar {
 
 fn one_photo(
     engine: &mut Engine<'_>,
-    job: &Job<'_>,
+    place: &mut Place,
+    places: &Mutex<Places>,
     args: &CaptureArgs,
     bar: &ProgressBar,
 ) -> Result<Material, Failure> {
-    let interrupted = || Failure::new(job.photo, "interrupted before its maps were ready", "run it again");
+    let path = place.photo.clone();
+    let interrupted = || Failure::new(&path, "interrupted before its maps were ready", "run it again");
     if interrupt::asked() {
         return Err(interrupted());
     }
-    bar.set_message(job.name.clone());
+    bar.set_message(place.name.clone());
     let mut share = Share { bar, done: 0 };
-    let photo = photo::read_as(job.photo, args.encoding.map(Into::into))?;
+    let before = Stamp::of(&path).ok();
+    let photo = photo::read_as(&path, args.encoding.map(Into::into))?;
+    let source = place.source().map_err(|e| Failure::reading(&path, &e))?.clone();
     let mut observer = |stage: Stage, fraction: f32| {
         let before = Stage::ALL.iter().position(|&s| s == stage).unwrap_or(0) as f32;
         share.reach((before + fraction.clamp(0.0, 1.0)) / Stage::ALL.len() as f32);
         interrupt::flow()
     };
-    let material = engine.capture(&photo, &mut observer);
-    drop(photo);
-    let result = material.map_err(|error| match error {
+    let material = engine.capture(&photo, &mut observer).map_err(|error| match error {
         Error::Cancelled => interrupted(),
-        error => Failure::core(job.photo, &error),
+        Error::PhotoBlack => exposure::black(&path, &photo.pixels),
+        error => Failure::core(&path, &error),
     });
-    result.and_then(|material| {
-        output::write_all(&args.out.join(&job.name), &job.name, &material, engine.facts(), args.bit_depth)
-            .map(|()| material)
-            .map_err(|failure| if interrupt::asked() { interrupted() } else { failure.at(job.photo) })
-    })
+    drop(photo);
+    let material = material?;
+    if [before, Stamp::of(&path).ok()] != [source.stamp; 2] {
+        return Err(Failure::new(&path, "has changed while it was read", "run it again"));
+    }
+    loop {
+        let target = args.out.join(&place.name);
+        let written =
+            output::write_all(&target, &place.name, &material, engine.facts(), args.bit_depth, &source);
+        match written {
+            Ok(true) => return Ok(material),
+            // Another process was there first.
+            Ok(false) => places.lock().unwrap_or_else(PoisonError::into_inner).change(place),
+            Err(_) if interrupt::asked() => return Err(interrupted()),
+            Err(failure) => return Err(failure.at(&path)),
+        }
+    }
 }
 
 /// One photo's share of the progress bar, full when dropped.
@@ -276,8 +278,17 @@ impl Drop for Share<'_> {
     }
 }
 
-fn summary(job: &Job<'_>, material: &Material, args: &CaptureArgs) -> String {
-    let (photo, folder) = (job.photo.display(), args.out.join(&job.name));
+/// What a user should know besides the result.
+fn notes(place: &Place, material: &Material) -> Vec<String> {
+    let photo = one_line(&place.photo);
+    let warnings = material.warnings.iter().map(|warning| format!("{photo}: warning: {warning}"));
+    let elsewhere =
+        place.in_the_way.iter().map(|what| format!("{photo}: {what}; this result goes elsewhere"));
+    warnings.chain(elsewhere).collect()
+}
+
+fn summary(place: &Place, material: &Material, args: &CaptureArgs) -> String {
+    let (photo, folder) = (place.photo.display(), args.out.join(&place.name));
     let (class, residual) = (material.class_line(), material.residual);
     format!("{photo}: {class}, residual {residual:.3} -> {}", folder.display())
 }
@@ -285,13 +296,6 @@ fn summary(job: &Job<'_>, material: &Material, args: &CaptureArgs) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn photos_of_one_name_get_folders_of_their_own() {
-        let photos = ["a/x.jpg", "b/x.png", "x-2.jpg", "y", "x"].map(PathBuf::from);
-        let names: Vec<_> = jobs(&photos).into_iter().map(|j| j.name).collect();
-        assert_eq!(names, ["x", "x-2", "x-2-2", "y", "x-3"]);
-    }
 
     #[test]
     fn options_outside_their_range_are_refused() {

@@ -60,10 +60,10 @@ pub(crate) struct LearnArgs {
     #[arg(long, value_name = "N", default_value_t = 32, value_parser = clap::value_parser!(u32).range(1..))]
     batch: u32,
     /// Adam's rate at the start.
-    #[arg(long, value_name = "R", default_value_t = 2e-4)]
+    #[arg(long, value_name = "R", default_value_t = 2e-4, value_parser = rate, allow_negative_numbers = true)]
     rate: f64,
     /// Steps after which the rate is halved, again and again.
-    #[arg(long, value_name = "N", default_value_t = 2000)]
+    #[arg(long, value_name = "N", default_value_t = 2000, value_parser = clap::value_parser!(u32).range(1..))]
     halve: u32,
     /// Steps for albedo, normals and roughness.
     #[arg(long, value_name = "A,N,R", default_value = "4000,3000,3000", value_parser = steps)]
@@ -73,6 +73,12 @@ pub(crate) struct LearnArgs {
     seed: u64,
     #[command(flatten)]
     run: RunArgs,
+}
+
+/// Coefficients are shares of 1: a larger rate throws them about.
+fn rate(text: &str) -> Result<f64, String> {
+    let in_range = |r: &f64| (1e-9..=1.0).contains(r);
+    text.parse().ok().filter(in_range).ok_or_else(|| "must be 1e-9 to 1".to_owned())
 }
 
 fn steps(text: &str) -> Result<[u32; 3], String> {

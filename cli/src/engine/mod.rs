@@ -8,6 +8,7 @@ pub(crate) mod rewrite;
 pub(crate) use clock::Timings;
 pub(crate) use model::{Loaded, ModelFile};
 
+use crate::exposure;
 use crate::failure::Failure;
 use crate::material::{Material, OwnedMaps};
 use crate::photo::{Photo, Pixels};
@@ -151,6 +152,7 @@ impl<'m> Engine<'m> {
         let capture = self.session.capture(&frame, &options, &mut watch)?;
         let timings_ms = clock.finish();
         warnings.extend(exposure_warning(&capture));
+        warnings.extend(exposure::dark_warning(capture.photo.rgb));
         Ok(Material {
             maps: OwnedMaps {
                 size: capture.maps.size,

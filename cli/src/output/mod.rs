@@ -2,6 +2,9 @@
 mod canvas;
 pub(crate) mod files;
 mod glb;
+mod names;
+pub(crate) mod owner;
+pub(crate) mod places;
 pub(crate) mod png;
 pub(crate) mod report;
 mod sheet;
@@ -10,34 +13,38 @@ use crate::engine::{Facts, light};
 use crate::failure::Failure;
 use crate::interrupt;
 use crate::material::Material;
-use files::Staging;
+use files::{Staging, System};
+use owner::{Holds, Source};
 use png::Depth;
 use std::io;
 use std::path::Path;
 
-/// Writes all files of `material` to the folder `target`, whole or not at all.
+/// Writes all files of `material`, found in the photo `source`, to the folder `target`, whole or not at all. `false`,
+/// and nothing done, if another photo's result is there.
 pub(crate) fn write_all(
     target: &Path,
     name: &str,
     material: &Material,
     facts: &Facts,
     depth: Depth,
-) -> Result<(), Failure> {
+    source: &Source,
+) -> Result<bool, Failure> {
     let maps = material.maps.view();
     let size = maps.size;
     let relit = light::from_the_side(material)
         .map_err(|e| Failure::writing(&target.join("sheet.png"), &io::Error::other(e)))?;
-    let mut folder = Staging::new(target)?;
+    let mut folder = Staging::new(&System, target)?;
     folder.write("albedo.png", |f| png::albedo(f, &maps, depth))?;
     folder.write("normal.png", |f| png::normal(f, &maps, depth))?;
     folder.write("roughness.png", |f| png::roughness(f, &maps, depth))?;
     folder.write("render.png", |f| png::linear(f, &material.render, size, depth))?;
     folder.write("sheet.png", |f| sheet::write(f, name, material, &relit))?;
     folder.write("material.glb", |f| glb::write(f, name, &material.maps, material.f0, material.fov_deg))?;
-    // Last, so that a report means that the rest is there.
-    folder.write("report.json", |f| report::Report::new(material, facts).write(f))?;
+    folder.write(owner::REPORT, |f| report::Report::new(material, facts, source).write(f))?;
     if interrupt::asked() {
         return Err(Failure::new(target, "interrupted", "run it again"));
     }
-    folder.commit()
+    let hash = || Some(source.sha256.clone());
+    let may_replace = |folder: &Path| !matches!(owner::holds(folder, &mut hash.clone()), Holds::Other(_));
+    folder.commit(&may_replace)
 }

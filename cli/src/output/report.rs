@@ -1,15 +1,29 @@
-//! `report.json`: what was found, with which model, how long it took. The fields are a contract (see the README).
+//! `report.json`: what was found, in which photo, with which model, how long it took. The fields are a contract:
+//! `docs/report.md`, and `docs/report.schema.json` for programs.
+use super::owner::{FILES, Source};
 use crate::engine::{Facts, Timings};
 use crate::material::Material;
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
 use std::io::{self, Write};
 
+/// The schema's version: it grows when a field goes or changes its meaning, not when one is added.
+const SCHEMA: u32 = 1;
+
 /// The whole report.
 #[derive(Debug, Serialize, Deserialize)]
 pub(crate) struct Report {
+    /// Version of the schema; 0 in reports that did not say.
+    #[serde(default)]
+    pub(crate) schema: u32,
     /// Version of the program.
     pub(crate) version: String,
+    /// The photo file; older reports do not name it.
+    #[serde(default)]
+    pub(crate) photo: Option<Source>,
+    /// Names of the files of this result, this one included.
+    #[serde(default)]
+    pub(crate) files: Vec<String>,
     pub(crate) model: ModelName,
     /// Pixels per side of the maps.
     pub(crate) size: usize,
@@ -85,10 +99,13 @@ fn default_f0() -> f32 {
 }
 
 impl Report {
-    /// The report of `material`, found by an engine with the given `facts`.
-    pub(crate) fn new(material: &Material, facts: &Facts) -> Self {
+    /// The report of `material`, found in the photo `source` by an engine with the given `facts`.
+    pub(crate) fn new(material: &Material, facts: &Facts, source: &Source) -> Self {
         Self {
+            schema: SCHEMA,
             version: env!("CARGO_PKG_VERSION").to_owned(),
+            photo: Some(source.clone()),
+            files: FILES.map(str::to_owned).into(),
             model: ModelName { name: facts.model_name.clone(), hash: facts.model_hash.clone() },
             size: material.maps.size,
             class: Class {

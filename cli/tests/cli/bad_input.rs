@@ -41,6 +41,23 @@ fn each_bad_photo_is_told_apart() {
 }
 
 #[test]
+fn half_black_and_very_dark_photos_are_told_from_black_ones() {
+    let folder = Folder::new();
+    let out = folder.path("out");
+    let half = folder.path("half.png");
+    RgbImage::from_fn(200, 150, |x, _| Rgb([if x < 100 { 0 } else { 255 }; 3])).save(&half).expect("save");
+    let run = capture(&[&half], &out, &[]);
+    assert_one_complaint(&run, &half, &["overexposed and the rest is all but black"]);
+    let dark = folder.path("dark.png");
+    RgbImage::from_fn(200, 150, |x, y| Rgb([(5 + (x / 20 + y / 20) % 2 * 8) as u8; 3]))
+        .save(&dark)
+        .expect("save");
+    let run = capture(&[&dark], &out, &[]);
+    assert!(run.status.success(), "{}", stderr(&run));
+    assert!(stderr(&run).contains("dark.png: warning: the photo is very dark"), "{}", stderr(&run));
+}
+
+#[test]
 fn one_bad_photo_does_not_take_the_good_ones_along() {
     let folder = Folder::new();
     let out = folder.path("out");

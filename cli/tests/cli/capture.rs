@@ -1,6 +1,7 @@
 //! `flashmat capture` and `flashmat render` do what their contract says.
 
-use crate::common::{FILES, Folder, capture, flashmat, names, photo, stderr, stdout};
+use crate::common::{FILES, Folder, capture, flashmat, names, photo, report, stderr, stdout};
+use crate::schema::{complaints, report_schema};
 use image::{DynamicImage, GenericImageView, ImageBuffer, Luma, LumaA, Rgb, Rgba};
 use serde_json::Value;
 use std::path::Path;
@@ -44,6 +45,46 @@ fn a_photo_gives_all_files_and_a_report_to_the_letter() {
     }
     assert_eq!(report["engine"], "int8");
     assert!(report["level"].is_string() && report["warnings"].is_array());
+    let photo = folder.path("tiles.png");
+    assert_eq!(report["photo"]["path"], photo.display().to_string());
+    assert_eq!(report["photo"]["bytes"], std::fs::metadata(&photo).expect("photo").len());
+    let mut files: Vec<_> = report["files"].as_array().expect("files").iter().map(Value::to_string).collect();
+    files.sort();
+    assert_eq!(files, FILES.map(|name| format!("\"{name}\"")));
+}
+
+/// The schema is no sieve: a report with a wrong field of any kind is found out.
+#[test]
+fn a_report_that_breaks_its_schema_is_found_out() {
+    let folder = Folder::new();
+    let out = folder.path("out");
+    assert!(capture(&[&folder.photo("a.png")], &out, &["--no-refine"]).status.success());
+    let (good, schema) = (report(&out.join("a")).expect("report"), report_schema());
+    let breaks: [(&str, Value); 10] = [
+        ("/schema", 2.into()),
+        ("/version", "one".into()),
+        ("/photo/sha256", "ABC".into()),
+        ("/photo/bytes", 0.into()),
+        ("/files/0", "../a".into()),
+        ("/class/name", "cheese".into()),
+        ("/class/probabilities/wood", 1.5.into()),
+        ("/flash", vec![0.0, 1.0].into()),
+        ("/timings_ms/total", (-1).into()),
+        ("/warnings", "none".into()),
+    ];
+    for (pointer, value) in breaks {
+        let mut bad = good.clone();
+        *bad.pointer_mut(pointer).expect(pointer) = value;
+        assert_eq!(complaints(&schema, &schema, &bad, "").len(), 1, "{pointer}");
+    }
+    for name in good.as_object().expect("object").keys() {
+        let mut bad = good.clone();
+        bad.as_object_mut().expect("object").remove(name);
+        assert_eq!(complaints(&schema, &schema, &bad, "").len(), 1, "{name}");
+    }
+    let mut bad = good;
+    bad["more"] = true.into();
+    assert_eq!(complaints(&schema, &schema, &bad, ""), ["/more: unknown"]);
 }
 
 #[test]
@@ -98,6 +139,10 @@ fn sixteen_bit_and_grey_and_alpha_pictures_of_every_format_are_accepted() {
     assert_eq!(names(&out), made);
     let report = std::fs::read_to_string(out.join("grey_alpha/report.json")).expect("report");
     assert!(report.contains("alpha channel was left out"));
+    let said = stderr(&run);
+    let warning =
+        format!("flashmat: {}: warning: the photo is partly", folder.path("grey_alpha.png").display());
+    assert!(said.lines().count() == 1 && said.starts_with(&warning), "{said}");
     // The same values in 8 and 16 bits give the same maps.
     let maps = |name: &str| std::fs::read(out.join(name).join("albedo.png")).expect("albedo");
     assert_eq!(maps("deep"), maps("deep-2"));
@@ -149,6 +194,55 @@ fn a_second_run_replaces_the_first_and_keeps_other_files() {
     image::open(out.join("a/albedo.png")).expect("a new picture");
     assert_eq!(names(&out.join("a")).len(), FILES.len() + 1);
     assert_eq!(names(&out), ["a"]);
+}
+
+/// A render of the earlier maps is none of the new ones.
+#[test]
+fn a_second_run_removes_what_was_rendered_from_the_first() {
+    let folder = Folder::new();
+    let out = folder.path("out");
+    let photo = folder.photo("a.png");
+    assert!(capture(&[&photo], &out, &["--no-refine"]).status.success());
+    assert!(flashmat(["render"]).arg(out.join("a")).status().expect("run").success());
+    assert!(out.join("a/relit.png").exists());
+    assert!(capture(&[&photo], &out, &["--no-refine"]).status.success());
+    assert_eq!(names(&out.join("a")), FILES);
+}
+
+#[test]
+fn without_a_light_render_gives_the_photo_s_picture_again() {
+    let folder = Folder::new();
+    let out = folder.path("out");
+    // A flash beside the camera, and a room.
+    let tiles = image::RgbImage::from_fn(160, 144, |x, y| {
+        let (dx, dy) = (x as f32 / 160.0 - 0.3, y as f32 / 144.0 - 0.6);
+        let tile = if (x / 20 + y / 20) % 2 == 0 { 150.0 } else { 90.0 };
+        let value = tile * (0.4 + 0.8 / (1.0 + 4.0 * (dx * dx + dy * dy)));
+        Rgb([value as u8, (0.8 * value) as u8, (0.5 * value) as u8])
+    });
+    let photo = folder.path("a.png");
+    tiles.save(&photo).expect("save");
+    assert!(capture(&[&photo], &out, &["--bit-depth", "16"]).status.success());
+    let maps = out.join("a");
+    let run = flashmat(["render"]).arg(&maps).output().expect("run");
+    assert!(run.status.success(), "{}", stderr(&run));
+    let open = |name: &str| image::open(maps.join(name)).expect(name).into_rgb8();
+    let (render, relit) = (open("render.png"), open("relit.png"));
+    let worst = render.iter().zip(relit.iter()).map(|(a, b)| a.abs_diff(*b)).max();
+    assert!(worst <= Some(1), "{worst:?}");
+    let run = flashmat(["render", "--out", "x.jpg"]).arg(&maps).output().expect("run");
+    assert_eq!(run.status.code(), Some(2));
+    assert!(stderr(&run).contains("must end in .png"), "{}", stderr(&run));
+}
+
+#[test]
+fn rates_that_learn_nothing_are_refused() {
+    for rate in ["nan", "inf", "-1", "0", "2"] {
+        let run = flashmat(["learn-crf", "none", "--val", "none", "--out", "m", "--rate", rate]);
+        let run = { run }.output().expect("run");
+        assert_eq!(run.status.code(), Some(2), "{rate}");
+        assert!(stderr(&run).contains("must be 1e-9 to 1"), "{}", stderr(&run));
+    }
 }
 
 #[test]

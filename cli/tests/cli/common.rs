@@ -1,4 +1,5 @@
 //! What the tests of the program share: folders that go away, photos made on the spot, and the program itself.
+use crate::schema::{complaints, report_schema};
 use image::{Rgb, RgbImage};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
@@ -60,11 +61,24 @@ pub(crate) fn flashmat<S: AsRef<std::ffi::OsStr>>(args: impl IntoIterator<Item =
     command
 }
 
-/// `flashmat capture` of `photos` into `out`, small and on one thread.
+/// `flashmat capture` of `photos` into `out`, small and on one thread. Every report there is checked.
 pub(crate) fn capture(photos: &[&Path], out: &Path, more: &[&str]) -> Output {
     let mut command = flashmat(["capture", "--size", "128", "--threads", "1", "--out"]);
     command.arg(out).args(more).args(photos);
-    command.output().expect("the program starts")
+    let output = command.output().expect("the program starts");
+    for name in names(out) {
+        if let Some(report) = report(&out.join(&name)) {
+            let schema = report_schema();
+            assert_eq!(complaints(&schema, &schema, &report, &name), [""; 0]);
+        }
+    }
+    output
+}
+
+/// The report in a folder, if there is one.
+pub(crate) fn report(folder: &Path) -> Option<serde_json::Value> {
+    let text = std::fs::read(folder.join("report.json")).ok()?;
+    Some(serde_json::from_slice(&text).expect("a report is JSON"))
 }
 
 pub(crate) fn stdout(output: &Output) -> String {

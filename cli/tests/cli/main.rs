@@ -7,4 +7,8 @@ mod disk;
 mod eval;
 mod glb;
 mod model_file;
+mod names;
 mod photos;
+mod schema;
+#[cfg(unix)]
+mod unclean;
