@@ -92,8 +92,9 @@ pub(super) fn remove(disk: &dyn Disk, folder: &Path, lock: &mut Option<File>) ->
 pub(super) fn remove_tree(disk: &dyn Disk, path: &Path) -> io::Result<()> {
     match fs::symlink_metadata(path) {
         Err(e) if e.kind() == io::ErrorKind::NotFound => return Ok(()),
+        Err(e) => return Err(e),
         Ok(m) if !m.is_dir() => return disk.remove_file(path),
-        m => drop(m?),
+        Ok(_) => {}
     }
     for entry in fs::read_dir(path)? {
         remove_tree(disk, &entry?.path())?;
