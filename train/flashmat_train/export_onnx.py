@@ -176,9 +176,9 @@ def difference(path: Path, network: Network, photo: torch.Tensor) -> dict[str, f
     return {k: float(np.abs(got[k] - want[k].numpy()).max()) for k in names}
 
 
-def quantise(path: Path, out: Path, photos: list[torch.Tensor], heads: bool = False) -> None:
-    """A QDQ graph with int8 activations and per-channel int8 weights. Heads that are mixed in the graph stay in float;
-    `heads` says that theirs are constant weights, to be quantised too."""
+def quantise(path: Path, out: Path, photos: list[torch.Tensor]) -> None:
+    """A QDQ graph with int8 activations and per-channel int8 weights. Heads, which are mixed in the graph, stay in
+    float."""
     from onnxruntime.quantization import CalibrationDataReader, QuantFormat, QuantType, quantize_static
 
     class Reader(CalibrationDataReader):
@@ -198,7 +198,7 @@ def quantise(path: Path, out: Path, photos: list[torch.Tensor], heads: bool = Fa
         activation_type=QuantType.QUInt8,
         weight_type=QuantType.QInt8,
         op_types_to_quantize=["Conv", "Relu", "Concat", "Resize"],
-        nodes_to_exclude=[] if heads else [f"{name}.head" for name in HEADS],
+        nodes_to_exclude=[f"{name}.head" for name in HEADS],
     )
 
 
