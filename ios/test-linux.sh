@@ -54,7 +54,8 @@ fi
 
 rm -rf "$folder/work/ios/Sources" "$folder/work/ios/Tests"
 mkdir -p "$folder/work/ios" "$folder/work/lib" "$folder/work/tests/golden"
-cp -r ios/Package.swift ios/Sources ios/Tests "$folder/work/ios/"
+# The header is a link to the C library's.
+cp -rL ios/Package.swift ios/Sources ios/Tests "$folder/work/ios/"
 cp "$library/libflashmat.a" "$folder/work/lib/"
 cp tests/golden/toy.fmat "$folder/work/tests/golden/"
 # Without /proc the compiler does not find its own libraries. What is mounted here is unmounted at the end.

@@ -1,7 +1,7 @@
 /* One flash photo to material maps: capture PHOTO.ppm FOLDER [MODEL.fmat]
  *
- * Reads a binary PPM (P6, 8 bits) and writes albedo.ppm, normal.ppm and roughness.pgm into the folder. Without a model
- * file the one embedded in the library is used. C99; builds as C++17 too. docs/abi.md tells how to link. */
+ * Reads a binary PPM (P6, 8 bits) and writes albedo.ppm, normal.ppm, roughness.pgm and material.glb into the folder.
+ * Without a model file the one embedded in the library is used. C99; builds as C++17 too. docs/abi.md tells how to link. */
 #include <flashmat.h>
 
 #include <stdio.h>
@@ -101,6 +101,31 @@ static int write_map(const char *folder, const char *name, const unsigned char *
     return good;
 }
 
+static int32_t to_file(void *user, const void *data, size_t bytes) {
+    return fwrite(data, 1, bytes, (FILE *)user) == bytes ? 0 : 1;
+}
+
+/* Writes the material as binary glTF. */
+static int write_glb(const char *folder, const flashmat_maps *maps, const flashmat_report *report) {
+    char path[4096];
+    FILE *file;
+    int good;
+    if ((size_t)snprintf(path, sizeof path, "%s/material.glb", folder) >= sizeof path) {
+        return 0; /* write_map said so */
+    }
+    file = fopen(path, "wb");
+    if (file == NULL) {
+        perror(path);
+        return 0;
+    }
+    good = flashmat_export_glb(SIZE, maps, report, "material", to_file, file) == FLASHMAT_STATUS_OK;
+    good = fclose(file) == 0 && good;
+    if (!good) {
+        fprintf(stderr, "%s: %s\n", path, flashmat_last_error());
+    }
+    return good;
+}
+
 static int32_t show_progress(void *user, uint32_t stage, float fraction) {
     (void)user;
     fprintf(stderr, "\r%-14s %3d %%", flashmat_stage_name(stage), (int)(100.0f * fraction));
@@ -145,7 +170,7 @@ static int capture(flashmat_engine *engine, const flashmat_frame *frame, const c
            100.0 * (double)report.probabilities[report.material_class - 1], (double)report.light_scale,
            (double)report.residual);
     return write_map(folder, "albedo.ppm", albedo, 3) && write_map(folder, "normal.ppm", normal, 3) &&
-           write_map(folder, "roughness.pgm", roughness, 1);
+           write_map(folder, "roughness.pgm", roughness, 1) && write_glb(folder, &maps, &report);
 }
 
 int main(int count, char **arguments) {

@@ -27,7 +27,7 @@
 /**
  * Version of the ABI of this header: it grows when functions, fields or numbers are added. What was there stays.
  */
-#define FLASHMAT_ABI_VERSION 1
+#define FLASHMAT_ABI_VERSION 2
 
 /**
  * What became of a call. Numbers never change their meaning; new ones are added at the end, so treat a number that
@@ -790,6 +790,13 @@ typedef struct flashmat_report {
     float flash[3];
 } flashmat_report;
 
+/**
+ * Takes the next `bytes` bytes of a file, which are at `data` during the call alone. Return 0 to go on, anything else
+ * to stop: the export then returns FLASHMAT_STATUS_CANCELLED. It must not throw C++ exceptions or longjmp out of
+ * the library.
+ */
+typedef int32_t (*flashmat_write)(void *user, const void *data, size_t bytes);
+
 #ifdef __cplusplus
 extern "C" {
 #endif // __cplusplus
@@ -857,6 +864,29 @@ flashmat_status flashmat_capture(struct flashmat_engine *engine,
  * Errors: NULL_POINTER, IDLE.
  */
 flashmat_status flashmat_cancel(const struct flashmat_engine *engine);
+
+/**
+ * A captured material on a square, as one binary glTF 2.0 file for any viewer: albedo, normals, roughness, metallic,
+ * index of refraction. The same bytes as the command line's material.glb of the same capture.
+ *
+ * size: pixels per side of the maps.
+ * maps: as they were given to the capture that filled them, in either format; albedo, normal and roughness are read,
+ * the others may be NULL.
+ * report: of the same capture; f0 and fov_deg are read.
+ * name: the material's, UTF-8, ends with NUL.
+ * write: takes the file's bytes, in order, in one call or several. user: its first argument.
+ * Owner of everything: the caller.
+ * Threads: any, also during captures, as long as they do not write to these maps.
+ * Memory: that of the file, from the system. Not in the bare-metal build.
+ * Errors: NULL_POINTER, MISALIGNED, STRUCT_SIZE, UNKNOWN_VALUE, INVALID_ARGUMENT, BUFFER_TOO_SMALL (a map is shorter
+ * than size says), CANCELLED (write said so), INTERNAL.
+ */
+flashmat_status flashmat_export_glb(uint32_t size,
+                                    const struct flashmat_maps *maps,
+                                    const struct flashmat_report *report,
+                                    const char *name,
+                                    flashmat_write write,
+                                    void *user);
 
 /**
  * What the last call of this thread that failed has to say: one sentence in English, UTF-8, with the details

@@ -23,6 +23,8 @@ extern crate std;
 mod bare;
 #[cfg(feature = "std")]
 mod engine;
+#[cfg(feature = "std")]
+mod export;
 mod failure;
 mod guard;
 #[cfg(feature = "std")]
@@ -39,6 +41,8 @@ mod workspace;
 
 #[cfg(feature = "std")]
 pub use engine::*;
+#[cfg(feature = "std")]
+pub use export::*;
 #[cfg(feature = "std")]
 pub use guard::flashmat_last_error;
 #[cfg(feature = "std")]

@@ -13,6 +13,8 @@ use crate::types::{
 };
 use bytemuck::Pod;
 use core::ffi::c_void;
+#[cfg(feature = "std")]
+use core::ffi::{CStr, c_char};
 use core::marker::PhantomData;
 use core::mem::MaybeUninit;
 
@@ -163,6 +165,16 @@ pub(crate) fn slice<'a, T: Pod>(data: *const c_void, bytes: usize, what: &str) -
     // SAFETY: not NULL, aligned, does not wrap around; the caller promised `bytes` readable bytes that nobody writes to
     // during the call. `'a` is used for the call alone: frames are dropped, models copied or dropped, before it ends.
     Ok(unsafe { core::slice::from_raw_parts(data, bytes / size_of::<T>()) })
+}
+
+/// A text of the caller's: UTF-8, ends with NUL.
+#[cfg(feature = "std")]
+pub(crate) fn text<'a>(pointer: *const c_char, what: &str) -> Result<&'a str, Failure> {
+    check(pointer, what)?;
+    // SAFETY: not NULL; the caller promised a NUL at its end and that nobody writes to it during the call, for which
+    // alone `'a` is used.
+    let text = unsafe { CStr::from_ptr(pointer) };
+    text.to_str().map_err(|_| Failure::new(Status::InvalidArgument, format_args!("{what} is not UTF-8")))
 }
 
 /// No object is larger than half the address space, none goes beyond its end.

@@ -12,6 +12,11 @@ use core::ffi::c_void;
 /// longjmp out of the library.
 pub type flashmat_progress = Option<extern "C" fn(user: *mut c_void, stage: u32, fraction: f32) -> i32>;
 
+/// Takes the next `bytes` bytes of a file, which are at `data` during the call alone. Return 0 to go on, anything else
+/// to stop: the export then returns FLASHMAT_STATUS_CANCELLED. It must not throw C++ exceptions or longjmp out of
+/// the library.
+pub type flashmat_write = Option<extern "C" fn(user: *mut c_void, data: *const c_void, bytes: usize) -> i32>;
+
 /// How pixels lie in memory.
 #[repr(u32)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -9,6 +9,7 @@ use flashmat_core::maps::{Maps, encode_rgb_row};
 use flashmat_core::net::{Class, Model};
 use flashmat_core::pipeline::{Capture, CaptureOptions};
 use flashmat_core::{Session, SessionOptions, Silent};
+use flashmat_export::{Pictures, glb};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -231,6 +232,9 @@ fn expected(frame: &Frame<'_>, options: &CaptureOptions) -> Vec<u8> {
     rows(3, &|row, out| encode_rgb_row(capture.render, SIZE, row, out, linear_to_srgb).expect("row"));
     rows(3, &|row, out| encode_rgb_row(capture.photo.rgb, SIZE, row, out, linear_to_srgb).expect("row"));
     rows(1, &|row, out| observability.roughness_row(row, out).expect("row"));
+    let (f0, fov_deg) = (capture.f0, capture.photo.fov_deg);
+    let material = glb::Material { name: "parity", pictures: Pictures::Planes(*maps), f0, fov_deg };
+    out.extend(glb::file(&material).expect("a file").to_vec());
     out
 }
 

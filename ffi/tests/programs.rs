@@ -54,6 +54,9 @@ fn the_example_writes_the_maps_of_a_photo() {
             assert_eq!(map.len(), 15 + 65536 * if start == "P5" { 1 } else { 3 }, "{name}");
             fs::remove_file(file).expect("ours");
         }
+        let material = fs::read(folder.join("material.glb")).expect("a GLB");
+        assert!(material.starts_with(b"glTF") && material[8..12] == (material.len() as u32).to_le_bytes());
+        fs::remove_file(folder.join("material.glb")).expect("ours");
     }
     let missing =
         Command::new(program(&source, Build::C99)).args(["none.ppm", ".", "none"]).output().expect("runs");

@@ -1,13 +1,15 @@
 //! Writes what the Rust API makes of photos in every pixel format, for the Java tests to compare with bit for bit:
 //! `cargo run -p flashmat-jni --example reference -- OUT`.
 //!
-//! Calls [`flashmat_core`] directly, nothing of the bridge. Big-endian, as Java reads: "FMREF001", number of cases;
+//! Calls [`flashmat_core`] directly, nothing of the bridge. Big-endian, as Java reads: "FMREF002", number of cases;
 //! each: name (u16 length, UTF-8), 11 layout values, field of view (kind, value, target), class, refine, number of
-//! planes, planes (i32 length, bytes in native order), then 20 numbers and 14 planes of 128 x 128 f32.
+//! planes, planes (i32 length, bytes in native order), then 23 numbers, 14 planes of 128 x 128 f32, and the
+//! GLB of that name (i32 length, bytes).
 use flashmat_core::frame::{Encoding, FieldOfView, Frame, PhotoFov, Range, Rotation, YuvMatrix, YuvPlanes};
 use flashmat_core::net::{Class, Model};
 use flashmat_core::pipeline::CaptureOptions;
-use flashmat_core::{Error, Session, SessionOptions, Silent};
+use flashmat_core::{Session, SessionOptions, Silent};
+use flashmat_export::{Pictures, glb};
 use std::io::Write;
 
 const TOY: &[u8] = include_bytes!("../../../tests/golden/toy.fmat");
@@ -130,7 +132,10 @@ fn plane(case: &Case, number: usize) -> Vec<u8> {
     }
 }
 
-fn capture(case: &Case, planes: &[Vec<u8>]) -> Result<(Vec<f32>, Vec<f32>), Error> {
+/// Numbers, planes, GLB.
+type Results = (Vec<f32>, Vec<f32>, Vec<u8>);
+
+fn capture(case: &Case, planes: &[Vec<u8>]) -> Result<Results, Box<dyn std::error::Error>> {
     let (width, height, row) = (case.width, case.height, case.row);
     let wide: Vec<u16> = planes[0].chunks_exact(2).map(|b| u16::from_ne_bytes([b[0], b[1]])).collect();
     let float: Vec<f32> =
@@ -185,14 +190,16 @@ fn capture(case: &Case, planes: &[Vec<u8>]) -> Result<(Vec<f32>, Vec<f32>), Erro
         capture.observability,
     ]
     .concat();
-    Ok((numbers, maps))
+    let (f0, fov_deg) = (capture.f0, capture.photo.fov_deg);
+    let material = glb::Material { name: case.name, pictures: Pictures::Planes(capture.maps), f0, fov_deg };
+    Ok((numbers, maps, glb::file(&material)?.to_vec()))
 }
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let path = std::env::args().nth(1).ok_or("usage: reference OUT")?;
     let mut out = std::io::BufWriter::new(std::fs::File::create(path)?);
     let cases = cases();
-    out.write_all(b"FMREF001")?;
+    out.write_all(b"FMREF002")?;
     let ints = |out: &mut dyn Write, values: &[usize]| -> std::io::Result<()> {
         values.iter().try_for_each(|&value| out.write_all(&(value as i32).to_be_bytes()))
     };
@@ -200,7 +207,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     for case in &cases {
         let count = if case.format < 5 { 1 } else { 2 + usize::from(case.format == 7) };
         let planes: Vec<Vec<u8>> = (0..count).map(|number| plane(case, number)).collect();
-        let (numbers, maps) = capture(case, &planes).map_err(|error| format!("{}: {error}", case.name))?;
+        let (numbers, maps, glb) =
+            capture(case, &planes).map_err(|error| format!("{}: {error}", case.name))?;
         out.write_all(&(case.name.len() as u16).to_be_bytes())?;
         out.write_all(case.name.as_bytes())?;
         ints(
@@ -227,6 +235,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         for value in numbers.iter().chain(&maps) {
             out.write_all(&value.to_be_bytes())?;
         }
+        ints(&mut out, &[glb.len()])?;
+        out.write_all(&glb)?;
         println!("{}: class {}, residual {:.4}", case.name, numbers[8], numbers[11]);
     }
     out.flush()?;

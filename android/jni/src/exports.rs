@@ -10,7 +10,8 @@ use flashmat_core::base::simd::Level;
 use flashmat_core::frame::{FieldOfView, PhotoFov};
 use flashmat_core::net::Class;
 use flashmat_core::pipeline::CaptureOptions;
-use jni::objects::{JByteBuffer, JClass, JFloatArray, JIntArray, JObject, JString};
+use flashmat_export::{Pictures, glb};
+use jni::objects::{JByteArray, JByteBuffer, JClass, JFloatArray, JIntArray, JObject, JString};
 use jni::sys::{jboolean, jfloat, jint, jlong};
 use jni::{Env, EnvUnowned};
 use std::sync::Arc;
@@ -260,6 +261,39 @@ pub(crate) extern "system" fn Java_com_flashmat_NativeBridge_picture<'local>(
         output::picture(maps, not_negative(size, "size")?, not_negative(picture, "picture")?, rgba)
     })
     .resolve::<Throw>();
+}
+
+/// `byte[] glb(ByteBuffer maps, int size, float f0, float fov, byte[] name)`; the name in UTF-8.
+#[unsafe(no_mangle)]
+pub(crate) extern "system" fn Java_com_flashmat_NativeBridge_glb<'local>(
+    mut env: EnvUnowned<'local>,
+    _class: JClass<'local>,
+    maps: JByteBuffer<'local>,
+    size: jint,
+    f0: jfloat,
+    fov: jfloat,
+    name: JByteArray<'local>,
+) -> JByteArray<'local> {
+    env.with_env(|env| {
+        if name.is_null() {
+            return Err(Failure::Null("name"));
+        }
+        let name = String::from_utf8(env.convert_byte_array(&name)?)
+            .map_err(|_| Failure::Argument("the name is not UTF-8".to_owned()))?;
+        let maps = output::view(buffer::read(env, &maps, "maps")?, not_negative(size, "size")?)?;
+        let material = glb::Material { name: &name, pictures: Pictures::Planes(maps), f0, fov_deg: fov };
+        let file = glb::file(&material).map_err(|error| Failure::Argument(error.to_string()))?;
+        let parts = file.parts();
+        let array = env.new_byte_array(parts.iter().map(|part| part.len()).sum())?;
+        let mut start = 0;
+        for part in parts {
+            array.set_region(env, start, bytemuck::cast_slice(part))?;
+            // All of them fit one array.
+            start += part.len() as jint;
+        }
+        Ok(array)
+    })
+    .resolve::<Throw>()
 }
 
 /// `void fail(long engine, int error)`: throws core's error of that number, or panics inside the engine (-1). For

@@ -78,6 +78,19 @@ pub(crate) fn numbers(capture: &Capture<'_>) -> [f32; NUMBERS] {
     numbers
 }
 
+/// `count` planes of a maps' buffer from the plane `first` on.
+fn group(planes: &[f32], size: usize, first: usize, count: usize) -> &[f32] {
+    let plane = size * size;
+    planes.get(first * plane..(first + count) * plane).unwrap_or(&[])
+}
+
+/// Albedo, normal and roughness of a maps' buffer.
+pub(crate) fn view(maps: &[u8], size: usize) -> Result<Maps<'_>, Failure> {
+    let planes = planes(maps, size)?;
+    let group = |first, count| group(planes, size, first, count);
+    Ok(Maps { size, albedo: group(0, 3), normal: group(3, 3), roughness: group(6, 1) })
+}
+
 /// Ordinals of `Picture.java`.
 const PICTURES: usize = 5;
 
@@ -87,8 +100,8 @@ pub(crate) fn picture(maps: &[u8], size: usize, picture: usize, rgba: &mut [u8])
     if size == 0 || picture >= PICTURES {
         return Err(Failure::Argument(format!("no picture has the number {picture} and the size {size}")));
     }
-    let planes = planes(maps, size)?;
     let row_bytes = 4 * size;
+    let (view, planes) = (view(maps, size)?, planes(maps, size)?);
     let wanted = 4 * size as u64 * size as u64;
     if (rgba.len() as u64) < wanted {
         return Err(Failure::Argument(format!(
@@ -96,10 +109,6 @@ pub(crate) fn picture(maps: &[u8], size: usize, picture: usize, rgba: &mut [u8])
             rgba.len()
         )));
     }
-    let plane = size * size;
-    let group =
-        |first: usize, count: usize| planes.get(first * plane..(first + count) * plane).unwrap_or(&[]);
-    let view = Maps { size, albedo: group(0, 3), normal: group(3, 3), roughness: group(6, 1) };
     let mut rgb = vec![0_u8; 3 * size];
     let mut grey = vec![0_u8; size];
     for (row, line) in rgba.chunks_exact_mut(row_bytes).take(size).enumerate() {
@@ -110,8 +119,8 @@ pub(crate) fn picture(maps: &[u8], size: usize, picture: usize, rgba: &mut [u8])
                 view.roughness_row(row, &mut grey)?;
                 rgb.chunks_exact_mut(3).zip(&grey).for_each(|(pixel, &value)| pixel.fill(value));
             }
-            3 => encode_rgb_row(group(7, 3), size, row, &mut rgb, linear_to_srgb)?,
-            _ => encode_rgb_row(group(10, 3), size, row, &mut rgb, linear_to_srgb)?,
+            3 => encode_rgb_row(group(planes, size, 7, 3), size, row, &mut rgb, linear_to_srgb)?,
+            _ => encode_rgb_row(group(planes, size, 10, 3), size, row, &mut rgb, linear_to_srgb)?,
         }
         for (pixel, colour) in line.chunks_exact_mut(4).zip(rgb.chunks_exact(3)) {
             pixel.iter_mut().zip(colour.iter().chain(&[u8::MAX])).for_each(|(to, &from)| *to = from);

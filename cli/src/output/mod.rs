@@ -1,7 +1,6 @@
 //! What a capture leaves on disk.
 mod canvas;
 pub(crate) mod files;
-mod glb;
 mod names;
 pub(crate) mod owner;
 pub(crate) mod places;
@@ -14,9 +13,10 @@ use crate::failure::Failure;
 use crate::interrupt;
 use crate::material::Material;
 use files::{Staging, System};
+use flashmat_export::{Pictures, glb};
 use owner::{Holds, Source};
 use png::Depth;
-use std::io;
+use std::io::{self, Write};
 use std::path::Path;
 
 /// Writes all files of `material`, found in the photo `source`, to the folder `target`, whole or not at all. `false`,
@@ -39,7 +39,7 @@ pub(crate) fn write_all(
     folder.write("roughness.png", |f| png::roughness(f, &maps, depth))?;
     folder.write("render.png", |f| png::linear(f, &material.render, size, depth))?;
     folder.write("sheet.png", |f| sheet::write(f, name, material, &relit))?;
-    folder.write("material.glb", |f| glb::write(f, name, &material.maps, material.f0, material.fov_deg))?;
+    folder.write("material.glb", |f| write_glb(f, name, material))?;
     folder.write(owner::REPORT, |f| report::Report::new(material, facts, source).write(f))?;
     if interrupt::asked() {
         return Err(Failure::new(target, "interrupted", "run it again"));
@@ -47,4 +47,12 @@ pub(crate) fn write_all(
     let hash = || Some(source.sha256.clone());
     let may_replace = |folder: &Path| !matches!(owner::holds(folder, &mut hash.clone()), Holds::Other(_));
     folder.commit(&may_replace)
+}
+
+/// The maps on a square, for any viewer of glTF.
+fn write_glb(out: &mut dyn Write, name: &str, material: &Material) -> io::Result<()> {
+    let pictures = Pictures::Planes(material.maps.view());
+    let file = glb::Material { name, pictures, f0: material.f0, fov_deg: material.fov_deg };
+    let file = glb::file(&file).map_err(io::Error::other)?;
+    file.parts().into_iter().try_for_each(|part| out.write_all(part))
 }

@@ -1,116 +1,71 @@
-//! PNG files of planar images, 8 or 16 bits per channel.
+//! The maps as PNG files, 8 or 16 bits per channel.
 use flashmat_core::Error;
-use flashmat_core::maps::{self, Maps, Quantum};
-use image::codecs::png::{CompressionType, FilterType, PngEncoder};
-use image::{ExtendedColorType, ImageEncoder};
+use flashmat_core::frame::transfer::linear_to_srgb;
+use flashmat_core::maps::{Maps, encode_rgb_row};
+use flashmat_export::png::{self, Channel, Colour};
 use std::io::{self, Write};
 
 /// Bits per channel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-
 pub(crate) enum Depth {
     Eight,
     Sixteen,
 }
 
-/// A type of which PNG rows are made.
-pub(crate) trait Channel: Quantum + bytemuck::Pod {
-    const RGB: ExtendedColorType;
-    const GREY: ExtendedColorType;
-}
-
-impl Channel for u8 {
-    const RGB: ExtendedColorType = ExtendedColorType::Rgb8;
-    const GREY: ExtendedColorType = ExtendedColorType::L8;
-}
-
-impl Channel for u16 {
-    const RGB: ExtendedColorType = ExtendedColorType::Rgb16;
-    const GREY: ExtendedColorType = ExtendedColorType::L16;
-}
-
-/// Interleaved codes of a whole image: `row` fills row after row of `channels` values a pixel.
-pub(crate) fn codes<T: Channel>(
-    size: usize,
-    channels: usize,
-    row: impl Fn(usize, &mut [T]) -> Result<(), Error>,
-) -> io::Result<Vec<T>> {
-    let mut codes = vec![T::zeroed(); channels * size * size];
-    for (y, line) in codes.chunks_exact_mut(channels * size).enumerate() {
-        row(y, line).map_err(io::Error::other)?;
-    }
-    Ok(codes)
-}
-
 /// Writes the albedo, sRGB-encoded.
 pub(crate) fn albedo(out: &mut dyn Write, maps: &Maps<'_>, depth: Depth) -> io::Result<()> {
     match depth {
-        Depth::Eight => rgb::<u8>(out, maps.size, |y, line| maps.albedo_row(y, line)),
-        Depth::Sixteen => rgb::<u16>(out, maps.size, |y, line| maps.albedo_row(y, line)),
+        Depth::Eight => square::<u8>(out, maps.size, Colour::Rgb, |y, line| maps.albedo_row(y, line)),
+        Depth::Sixteen => square::<u16>(out, maps.size, Colour::Rgb, |y, line| maps.albedo_row(y, line)),
     }
 }
 
 /// Writes the normals as (n + 1) / 2.
 pub(crate) fn normal(out: &mut dyn Write, maps: &Maps<'_>, depth: Depth) -> io::Result<()> {
     match depth {
-        Depth::Eight => rgb::<u8>(out, maps.size, |y, line| maps.normal_row(y, line)),
-        Depth::Sixteen => rgb::<u16>(out, maps.size, |y, line| maps.normal_row(y, line)),
+        Depth::Eight => square::<u8>(out, maps.size, Colour::Rgb, |y, line| maps.normal_row(y, line)),
+        Depth::Sixteen => square::<u16>(out, maps.size, Colour::Rgb, |y, line| maps.normal_row(y, line)),
     }
 }
 
 /// Writes the roughness, linear grey.
 pub(crate) fn roughness(out: &mut dyn Write, maps: &Maps<'_>, depth: Depth) -> io::Result<()> {
     match depth {
-        Depth::Eight => grey::<u8>(out, maps),
-        Depth::Sixteen => grey::<u16>(out, maps),
+        Depth::Eight => square::<u8>(out, maps.size, Colour::Grey, |y, line| maps.roughness_row(y, line)),
+        Depth::Sixteen => square::<u16>(out, maps.size, Colour::Grey, |y, line| maps.roughness_row(y, line)),
     }
 }
 
 /// Writes three planes of linear RGB, sRGB-encoded.
 pub(crate) fn linear(out: &mut dyn Write, planes: &[f32], size: usize, depth: Depth) -> io::Result<()> {
-    use flashmat_core::frame::transfer::linear_to_srgb;
     match depth {
-        Depth::Eight => {
-            rgb::<u8>(out, size, |y, line| maps::encode_rgb_row(planes, size, y, line, linear_to_srgb))
-        }
-        Depth::Sixteen => {
-            rgb::<u16>(out, size, |y, line| maps::encode_rgb_row(planes, size, y, line, linear_to_srgb))
-        }
+        Depth::Eight => square::<u8>(out, size, Colour::Rgb, |y, line| {
+            encode_rgb_row(planes, size, y, line, linear_to_srgb)
+        }),
+        Depth::Sixteen => square::<u16>(out, size, Colour::Rgb, |y, line| {
+            encode_rgb_row(planes, size, y, line, linear_to_srgb)
+        }),
     }
 }
 
-fn rgb<T: Channel>(
+fn square<T: Channel>(
     out: &mut dyn Write,
     size: usize,
+    colour: Colour,
     row: impl Fn(usize, &mut [T]) -> Result<(), Error>,
 ) -> io::Result<()> {
-    encode(out, &codes(size, 3, row)?, size, size, T::RGB)
+    let file = png::file((size, size), colour, |y, line| Ok(row(y, line)?)).map_err(io::Error::other)?;
+    out.write_all(&file)
 }
 
-fn grey<T: Channel>(out: &mut dyn Write, maps: &Maps<'_>) -> io::Result<()> {
-    encode(
-        out,
-        &codes(maps.size, 1, |y, line: &mut [T]| maps.roughness_row(y, line))?,
-        maps.size,
-        maps.size,
-        T::GREY,
-    )
-}
-
-/// Writes `width` x `height` pixels of `colour`.
-pub(crate) fn encode<T: Channel>(
-    out: &mut dyn Write,
-    codes: &[T],
-    width: usize,
-    height: usize,
-    colour: ExtendedColorType,
-) -> io::Result<()> {
-    let side = |n: usize| u32::try_from(n).map_err(io::Error::other);
-    // In memory first: the encoder hides the kind of a writer's error, and a full disk is to be named as such.
-    let mut file = Vec::new();
-    PngEncoder::new_with_quality(&mut file, CompressionType::Default, FilterType::Adaptive)
-        .write_image(bytemuck::cast_slice(codes), side(width)?, side(height)?, colour)
-        .map_err(io::Error::other)?;
+/// Writes a picture of 8-bit RGB codes.
+pub(crate) fn rgb8(out: &mut dyn Write, codes: &[u8], size: (usize, usize)) -> io::Result<()> {
+    let width = 3 * size.0;
+    let row = |y: usize, line: &mut [u8]| {
+        line.iter_mut().zip(codes.iter().skip(y * width)).for_each(|(to, &from)| *to = from);
+        Ok(())
+    };
+    let file = png::file(size, Colour::Rgb, row).map_err(io::Error::other)?;
     out.write_all(&file)
 }
 

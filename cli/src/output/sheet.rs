@@ -6,8 +6,8 @@ use flashmat_core::Error;
 use flashmat_core::frame::transfer::linear_to_srgb;
 use flashmat_core::maps;
 use flashmat_core::net::Class;
+use image::RgbImage;
 use image::imageops::{self, FilterType};
-use image::{ExtendedColorType, RgbImage};
 use std::io::{self, Write};
 
 const BACKGROUND: Colour = [27, 28, 31];
@@ -30,7 +30,7 @@ const SIDE: u32 = 236;
 pub(crate) fn write(out: &mut dyn Write, name: &str, material: &Material, relit: &[f32]) -> io::Result<()> {
     let sheet = draw(name, material, relit).map_err(io::Error::other)?;
     let (width, height) = (sheet.width() as usize, sheet.height() as usize);
-    png::encode(out, sheet.as_raw(), width, height, ExtendedColorType::Rgb8)
+    png::rgb8(out, sheet.as_raw(), (width, height))
 }
 
 fn draw(name: &str, material: &Material, relit: &[f32]) -> Result<RgbImage, Error> {

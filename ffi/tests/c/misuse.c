@@ -388,6 +388,53 @@ static void names(void) {
     CHECK(flashmat_level_name(0xFFFFFFFFu)[0] == '\0');
 }
 
+static int32_t swallow(void *user, const void *data, size_t bytes) {
+    CHECK(user == NULL && data != NULL && bytes > 0);
+    return 0;
+}
+
+static void exports(void) {
+    flashmat_report report = good_report();
+    flashmat_maps maps = good_maps();
+    void *normal = must_malloc(3 * PLANE * sizeof(float)), *roughness = must_malloc(PLANE * sizeof(float));
+    memset(normal, 0, 3 * PLANE * sizeof(float));
+    memset(roughness, 0, PLANE * sizeof(float));
+    memset(albedo, 0, 3 * PLANE * sizeof(float));
+    maps.normal.data = normal;
+    maps.normal.bytes = 3 * PLANE * sizeof(float);
+    maps.roughness.data = roughness;
+    maps.roughness.bytes = PLANE * sizeof(float);
+    report.f0 = 0.05f;
+    report.fov_deg = 43.35f;
+    CHECK(flashmat_export_glb(SIZE, &maps, &report, "oak", swallow, NULL) == FLASHMAT_STATUS_OK);
+    FAILS(flashmat_export_glb(SIZE, NULL, &report, "oak", swallow, NULL), FLASHMAT_STATUS_NULL_POINTER, "maps is NULL");
+    FAILS(flashmat_export_glb(SIZE, &maps, NULL, "oak", swallow, NULL), FLASHMAT_STATUS_NULL_POINTER, "report is");
+    FAILS(flashmat_export_glb(SIZE, &maps, &report, NULL, swallow, NULL), FLASHMAT_STATUS_NULL_POINTER, "name is NULL");
+    FAILS(flashmat_export_glb(SIZE, &maps, &report, "oak", NULL, NULL), FLASHMAT_STATUS_NULL_POINTER, "write is NULL");
+    FAILS(flashmat_export_glb(SIZE, &maps, &report, "\xFF", swallow, NULL), FLASHMAT_STATUS_INVALID_ARGUMENT, "UTF-8");
+    FAILS(flashmat_export_glb(0, &maps, &report, "oak", swallow, NULL), FLASHMAT_STATUS_INVALID_ARGUMENT, "size: 0");
+    FAILS(flashmat_export_glb(0xFFFFFFFFu, &maps, &report, "oak", swallow, NULL), FLASHMAT_STATUS_INVALID_ARGUMENT,
+          "size: 4294967295");
+    FAILS(flashmat_export_glb(SIZE + 1, &maps, &report, "oak", swallow, NULL), FLASHMAT_STATUS_BUFFER_TOO_SMALL,
+          "maps.albedo");
+    report.f0 = 1.0f;
+    FAILS(flashmat_export_glb(SIZE, &maps, &report, "oak", swallow, NULL), FLASHMAT_STATUS_INVALID_ARGUMENT, "F0");
+    report.f0 = 0.05f;
+    report.fov_deg = 0.0f;
+    FAILS(flashmat_export_glb(SIZE, &maps, &report, "oak", swallow, NULL), FLASHMAT_STATUS_INVALID_ARGUMENT, "field of");
+    report = good_report();
+    report.struct_size = 0;
+    FAILS(flashmat_export_glb(SIZE, &maps, &report, "oak", swallow, NULL), FLASHMAT_STATUS_STRUCT_SIZE, "report");
+    maps.roughness.data = NULL;
+    maps.roughness.bytes = 0;
+    FAILS(flashmat_export_glb(SIZE, &maps, &report, "oak", swallow, NULL), FLASHMAT_STATUS_NULL_POINTER,
+          "maps.roughness is NULL");
+    maps.format = 2;
+    FAILS(flashmat_export_glb(SIZE, &maps, &report, "oak", swallow, NULL), FLASHMAT_STATUS_UNKNOWN_VALUE, "format: 2");
+    free(normal);
+    free(roughness);
+}
+
 int main(int count, char **arguments) {
     flashmat_frame frame;
     unsigned char *model;
@@ -412,6 +459,7 @@ int main(int count, char **arguments) {
     frames();
     options_and_maps();
     workspaces();
+    exports();
     names();
     frame = good_frame();
     CHECK(capture_frame(&frame) == FLASHMAT_STATUS_OK);

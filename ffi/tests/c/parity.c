@@ -60,6 +60,42 @@ static int same_maps(const flashmat_maps *a, const flashmat_maps *b) {
     return same;
 }
 
+/* What an export wrote. */
+typedef struct {
+    unsigned char *bytes;
+    size_t count;
+    int calls_left;
+} bytes_sink;
+
+static int32_t collect(void *user, const void *data, size_t bytes) {
+    bytes_sink *sink = (bytes_sink *)user;
+    unsigned char *longer;
+    if (sink->calls_left == 0) {
+        return 1;
+    }
+    sink->calls_left--;
+    longer = (unsigned char *)realloc(sink->bytes, sink->count + bytes);
+    CHECK(longer != NULL);
+    memcpy(longer + sink->count, data, bytes);
+    sink->bytes = longer;
+    sink->count += bytes;
+    return 0;
+}
+
+/* The file of float maps and of codes is the same; it goes behind the results. */
+static void write_glb(FILE *results, const flashmat_maps *floats, const flashmat_maps *codes,
+                      const flashmat_report *report) {
+    bytes_sink first = {NULL, 0, 100}, second = {NULL, 0, 100}, stopped = {NULL, 0, 1};
+    CHECK(flashmat_export_glb(SIZE, floats, report, "parity", collect, &first) == FLASHMAT_STATUS_OK);
+    CHECK(flashmat_export_glb(SIZE, codes, report, "parity", collect, &second) == FLASHMAT_STATUS_OK);
+    CHECK(first.count == second.count && memcmp(first.bytes, second.bytes, first.count) == 0);
+    CHECK(flashmat_export_glb(SIZE, codes, report, "parity", collect, &stopped) == FLASHMAT_STATUS_CANCELLED);
+    CHECK(fwrite(first.bytes, 1, first.count, results) == first.count);
+    free(first.bytes);
+    free(second.bytes);
+    free(stopped.bytes);
+}
+
 static void run_case(flashmat_engine *engine, const flashmat_engine_options *engine_options, const char *in,
                      const char *out) {
     size_t bytes, workspace_bytes = 0;
@@ -124,6 +160,7 @@ static void run_case(flashmat_engine *engine, const flashmat_engine_options *eng
         CHECK(fwrite(&report, 1, sizeof report, results) == sizeof report);
         write_maps(results, &floats);
         write_maps(results, &codes);
+        write_glb(results, &floats, &codes, &report);
         CHECK(fclose(results) == 0);
     }
     for (i = 0; i < 3; i++) {

@@ -80,7 +80,7 @@ struct MaterialScene: UIViewRepresentable {
         material.diffuse.contents = maps.cgImage(.albedo)
         material.normal.contents = maps.cgImage(.normal)
         material.roughness.contents = maps.cgImage(.roughness)
-        material.metalness.contents = maps.report.probability(of: .metal) >= 0.5 ? 1.0 : 0.0
+        material.metalness.contents = maps.report.materialClass == .metal ? 1.0 : 0.0
         let plane = SCNPlane(width: 2, height: 2)
         plane.materials = [material]
         scene.rootNode.addChildNode(SCNNode(geometry: plane))

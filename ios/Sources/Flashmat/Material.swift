@@ -1,5 +1,11 @@
 import FlashmatFFI
 
+#if canImport(Darwin)
+import Darwin
+#elseif canImport(Glibc)
+import Glibc
+#endif
+
 /// What a surface is made of.
 public enum MaterialClass: UInt32, Sendable, CaseIterable {
     /// Woven and knitted cloth.
@@ -138,6 +144,12 @@ public struct MaterialMaps: Sendable {
         case .render: return interleaved(render, Self.srgb)
         case .photo: return interleaved(photo, Self.srgb)
         }
+    }
+
+    /// sRGB curve of a linear value.
+    static func srgb(_ value: Float) -> Float {
+        if value <= 0.003_130_8 { return max(0, value * 12.92) }
+        return 1.055 * powf(min(1, value), 1 / 2.4) - 0.055
     }
 
     private func interleaved(_ planes: [Float], _ curve: (Float) -> Float) -> [UInt8] {

@@ -4,6 +4,7 @@ import static org.junit.jupiter.api.Assertions.assertArrayEquals;
 import static org.junit.jupiter.api.Assertions.assertEquals;
 import static org.junit.jupiter.api.Assertions.assertTrue;
 
+import java.io.ByteArrayOutputStream;
 import java.io.DataInputStream;
 import java.io.IOException;
 import java.nio.ByteBuffer;
@@ -27,6 +28,7 @@ final class FormatsTest {
         CaptureOptions options;
         int[] numbers = new int[NativeBridge.NUMBERS];
         int[] values = new int[VALUES];
+        byte[] glb;
     }
 
     private static Case read(DataInputStream in) throws IOException {
@@ -66,6 +68,8 @@ final class FormatsTest {
         for (int i = 0; i < c.values.length; i++) {
             c.values[i] = in.readInt();
         }
+        c.glb = new byte[in.readInt()];
+        in.readFully(c.glb);
         return c;
     }
 
@@ -116,7 +120,7 @@ final class FormatsTest {
         return bits;
     }
 
-    private static void check(MaterialEngine engine, Case c) {
+    private static void check(MaterialEngine engine, Case c) throws IOException {
         MaterialMaps maps = engine.capture(frame(c), c.options);
         int[] numbers = new int[NativeBridge.NUMBERS];
         for (int i = 0; i < numbers.length; i++) {
@@ -127,6 +131,9 @@ final class FormatsTest {
                 maps.albedo(), maps.normal(), maps.roughness(), maps.render(), maps.photo(), maps.observability());
         assertArrayEquals(c.values, values, c.name + ": planes");
         assertEquals(Float.floatToRawIntBits(maps.residual()), c.numbers[11]);
+        ByteArrayOutputStream glb = new ByteArrayOutputStream();
+        maps.writeGlb(c.name, glb);
+        assertArrayEquals(c.glb, glb.toByteArray(), c.name + ": GLB");
     }
 
     @TestFactory
@@ -135,7 +142,7 @@ final class FormatsTest {
         try (DataInputStream in = Toy.reference()) {
             byte[] magic = new byte[8];
             in.readFully(magic);
-            assertEquals("FMREF001", new String(magic, "US-ASCII"));
+            assertEquals("FMREF002", new String(magic, "US-ASCII"));
             for (int left = in.readInt(); left > 0; left--) {
                 cases.add(read(in));
             }

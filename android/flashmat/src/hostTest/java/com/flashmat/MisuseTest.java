@@ -121,6 +121,15 @@ final class MisuseTest {
         assertThrows(iae, () -> NativeBridge.picture(maps, 65_536, 0, pixels));
         assertThrows(iae, () -> NativeBridge.picture(maps, Integer.MAX_VALUE, 0, pixels));
         assertThrows(iae, () -> NativeBridge.picture(maps, -1, 0, pixels));
+        byte[] name = {'o', 'a', 'k'};
+        assertThrows(npe, () -> NativeBridge.glb(null, 128, 0.05f, 40, name));
+        assertThrows(npe, () -> NativeBridge.glb(maps, 128, 0.05f, 40, null));
+        assertThrows(iae, () -> NativeBridge.glb(maps, 0, 0.05f, 40, name));
+        assertThrows(iae, () -> NativeBridge.glb(maps, -1, 0.05f, 40, name));
+        assertThrows(iae, () -> NativeBridge.glb(maps, 65_536, 0.05f, 40, name));
+        assertThrows(iae, () -> NativeBridge.glb(maps, 128, Float.NaN, 40, name));
+        assertThrows(iae, () -> NativeBridge.glb(maps, 128, 0.05f, 180, name));
+        assertThrows(iae, () -> NativeBridge.glb(maps, 128, 0.05f, 40, new byte[] {(byte) 0xff}));
     }
 
     private static void call(

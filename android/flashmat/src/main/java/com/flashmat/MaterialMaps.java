@@ -1,9 +1,12 @@
 package com.flashmat;
 
 import androidx.annotation.NonNull;
+import java.io.IOException;
+import java.io.OutputStream;
 import java.nio.ByteBuffer;
 import java.nio.ByteOrder;
 import java.nio.FloatBuffer;
+import java.nio.charset.StandardCharsets;
 import java.util.Arrays;
 import java.util.Objects;
 
@@ -184,6 +187,19 @@ public final class MaterialMaps {
             throw new IllegalArgumentException("the picture's buffer is read-only");
         }
         NativeBridge.picture(memory, size, picture.ordinal(), rgba.slice());
+    }
+
+    /**
+     * Writes the material on a square, as one binary glTF 2.0 file for any viewer: albedo, normals, roughness, metallic,
+     * index of refraction. The same bytes as the command line's {@code material.glb} of the same capture. Does not close
+     * {@code out}.
+     */
+    public void writeGlb(@NonNull String name, @NonNull OutputStream out) throws IOException {
+        check();
+        Objects.requireNonNull(name, "name");
+        Objects.requireNonNull(out, "out");
+        byte[] utf8 = name.getBytes(StandardCharsets.UTF_8);
+        out.write(NativeBridge.glb(memory, size, f0(), fieldOfView(), utf8));
     }
 
     /** {@link #encode(Picture, ByteBuffer)} into a new buffer, at position 0. */

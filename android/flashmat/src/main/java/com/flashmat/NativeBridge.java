@@ -8,7 +8,7 @@ import java.nio.ByteBuffer;
  */
 final class NativeBridge {
     /** Counts changes of the signatures and layouts below; the native library has the same number. */
-    static final int ABI = 1;
+    static final int ABI = 2;
     /** Planes of f32 in a maps buffer: albedo 3, normal 3, roughness, re-render 3, photo 3, observability. */
     static final int PLANES = 14;
     /** Numbers of a capture: see {@link MaterialMaps}. */
@@ -67,6 +67,8 @@ final class NativeBridge {
             float[] numbers);
 
     static native void picture(ByteBuffer maps, int size, int picture, ByteBuffer rgba);
+
+    static native byte[] glb(ByteBuffer maps, int size, float f0, float fov, byte[] name);
 
     /** Only in builds with the feature test-hooks: throws core's error of that number; -1 panics in the engine. */
     static native void fail(long engine, int error);

@@ -12,7 +12,6 @@ import android.widget.TextView
 import androidx.appcompat.app.AppCompatActivity
 import androidx.core.content.FileProvider
 import androidx.lifecycle.lifecycleScope
-import com.flashmat.GlbWriter
 import com.flashmat.MaterialMaps
 import java.io.File
 import java.io.IOException
@@ -79,7 +78,7 @@ class ResultActivity : AppCompatActivity() {
     private fun write(maps: MaterialMaps): File {
         val folder = File(cacheDir, "shared").apply { mkdirs() }
         val file = File(folder, "material.glb")
-        file.outputStream().buffered().use { GlbWriter.write(maps, maps.materialClass().label(), it) }
+        file.outputStream().buffered().use { maps.writeGlb(maps.materialClass().label(), it) }
         return file
     }
 
