@@ -14,15 +14,12 @@ use crate::material::{Material, OwnedMaps};
 use crate::photo::{Photo, Pixels};
 use clock::StageClock;
 use flashmat_core::base::simd::Level;
-use flashmat_core::frame::{Encoding, FieldOfView, Frame};
+use flashmat_core::frame::{Encoding, Exposure, FieldOfView, Frame};
 use flashmat_core::net::Class;
-use flashmat_core::pipeline::{Capture, CaptureOptions};
+use flashmat_core::pipeline::CaptureOptions;
 use flashmat_core::{Error, Session, SessionOptions, Stage};
 use std::ops::ControlFlow;
 use std::path::Path;
-
-/// Share of overexposed pixels that a report warns of.
-const CLIPPED_SHARE: f32 = 0.1;
 
 /// How captures are to run.
 #[derive(Clone, Debug)]
@@ -151,7 +148,7 @@ impl<'m> Engine<'m> {
         };
         let capture = self.session.capture(&frame, &options, &mut watch)?;
         let timings_ms = clock.finish();
-        warnings.extend(exposure_warning(&capture));
+        warnings.extend(exposure_warning(&capture.photo.exposure));
         warnings.extend(exposure::dark_warning(capture.photo.rgb));
         Ok(Material {
             maps: OwnedMaps {
@@ -214,12 +211,11 @@ fn float_session<'m>(
     Err(Failure::new(&model.path, what, "use --engine int8, or build with `--features float`"))
 }
 
-fn exposure_warning(capture: &Capture<'_>) -> Option<String> {
-    let clipped = capture.photo.clipped.iter().filter(|&&c| c != 0).count();
-    let share = clipped as f32 / capture.photo.clipped.len().max(1) as f32;
-    let percent = 100.0 * share;
-    (share > CLIPPED_SHARE)
-        .then(|| format!("{percent:.0} % of the photo is overexposed: take it with less exposure"))
+/// A word on a photo of which so much is overexposed that the maps suffer.
+fn exposure_warning(exposure: &Exposure) -> Option<String> {
+    let share = 100.0 * exposure.clipped_share();
+    let text = format!("{share:.0} % of the photo's pixels are overexposed: take it with less exposure");
+    exposure.is_overexposed().then_some(text)
 }
 
 impl Photo {

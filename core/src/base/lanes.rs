@@ -45,20 +45,20 @@ pub(crate) fn store(run: &Lanes, row: &mut [f32], start: usize) {
     }
 }
 
-/// 1 where the flag of the run's pixel is 0 and the pixel is in the row, 0 elsewhere.
+/// 1 where none of `bits` is set in the flags of the run's pixel and the pixel is in the row, 0 elsewhere.
 #[inline(always)]
-pub(crate) fn unset(flags: &[u8], start: usize) -> Lanes {
+pub(crate) fn unset(flags: &[u8], bits: u8, start: usize) -> Lanes {
     let rest = flags.get(start..).unwrap_or(&[]);
     let mut run = [0.0; LANES];
     match rest.first_chunk::<LANES>() {
         Some(flags) => {
             for i in 0..LANES {
-                run[i] = if flags[i] == 0 { 1.0 } else { 0.0 };
+                run[i] = if flags[i] & bits == 0 { 1.0 } else { 0.0 };
             }
         }
         None => {
             for (value, &flag) in run.iter_mut().zip(rest) {
-                *value = if flag == 0 { 1.0 } else { 0.0 };
+                *value = if flag & bits == 0 { 1.0 } else { 0.0 };
             }
         }
     }
@@ -102,8 +102,8 @@ mod tests {
         store(&last, &mut out, 999);
         assert_eq!(out[..], row[..]);
         assert_eq!(sum(&last), (129..=200).sum::<i32>() as f32);
-        let flags: Vec<u8> = (0..200).map(|i| u8::from(i % 3 == 0)).collect();
-        assert_eq!(unset(&flags, 0).iter().sum::<f32>(), 85.0);
-        assert_eq!(unset(&flags, 128).iter().sum::<f32>(), 48.0);
+        let flags: Vec<u8> = (0..200).map(|i| 4 * u8::from(i % 3 == 0) + 1).collect();
+        assert_eq!(unset(&flags, 4, 0).iter().sum::<f32>(), 85.0);
+        assert_eq!(unset(&flags, 4, 128).iter().sum::<f32>(), 48.0);
     }
 }

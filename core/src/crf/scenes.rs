@@ -41,7 +41,7 @@ pub struct Scene {
     pub size: usize,
     /// 3 planes, linear, at most 1.
     pub photo: Vec<f32>,
-    /// 1 where a channel of the photo is burnt out.
+    /// Bit c where channel c of the photo is burnt out.
     pub clipped: Vec<u8>,
     /// 3 planes.
     pub albedo: Vec<f32>,
@@ -101,7 +101,7 @@ impl Scene {
                 let colour = if joint { 0.08 } else { colours[tile][c] * grain };
                 let photo = colour * falloff + shine + 0.01 * (random.unit() - 0.5);
                 scene.photo[c * n + i] = photo.clamp(0.0, 1.0);
-                scene.clipped[i] |= u8::from(photo >= 1.0);
+                scene.clipped[i] |= u8::from(photo >= 1.0) << c;
                 let wrong = 0.3 * expf(-p2 / 0.03);
                 scene.albedo[c * n + i] = (colour + wrong + 0.06 * (random.unit() - 0.5)).clamp(0.0, 1.0);
                 scene.normal[c * n + i] = direction[c] / length + 0.1 * (random.unit() - 0.5);

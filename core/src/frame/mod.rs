@@ -9,6 +9,7 @@
 //!
 //! Every size down to 1x1 is accepted: a photo with fewer pixels than asked is interpolated, a 1x1 photo (or the
 //! centre of a 50,000x1 one) gives a constant image. [`Frame::crop`] tells callers who want to refuse such photos.
+mod exposure;
 pub mod geometry;
 mod pixels;
 #[cfg(test)]
@@ -19,6 +20,7 @@ mod tests;
 pub mod transfer;
 mod yuv;
 
+pub use exposure::{ALL_CLIPPED, CLIPPED_AREA, CLIPPED_BYTE, CLIPPED_WIDE, DARK, Exposure, OVEREXPOSED};
 pub use pixels::PixelFormat;
 pub use yuv::{Range, YuvMatrix, YuvPlanes};
 
@@ -299,8 +301,11 @@ pub struct LinearImage<'a> {
     pub size: usize,
     /// 3 planes, linear RGB, [0,1].
     pub rgb: &'a [f32],
-    /// 1 plane: 1 where at least one source pixel was clipped in at least one channel, else 0.
+    /// 1 plane of bits: bit 0 where red is clipped by a share of the pixel's area, bit 1 green, bit 2 blue
+    /// ([`CLIPPED_AREA`]); [`ALL_CLIPPED`] where all are.
     pub clipped: &'a [u8],
+    /// How much of the photo is clipped, and how bright the rest is.
+    pub exposure: Exposure,
     /// Field of view over the square, in degrees.
     pub fov_deg: f32,
     /// Linear value that a flat white Lambertian surface at the centre would have under the flash alone, if the caller
@@ -315,7 +320,8 @@ impl<'a> LinearImage<'a> {
     /// A photo of which nothing more is known: no light scale, the flash at the camera.
     #[must_use]
     pub fn new(size: usize, rgb: &'a [f32], clipped: &'a [u8], fov_deg: f32) -> Self {
-        Self { size, rgb, clipped, fov_deg, light_scale: None, flash: Vec3::Z }
+        let exposure = Exposure::default();
+        Self { size, rgb, clipped, exposure, fov_deg, light_scale: None, flash: Vec3::Z }
     }
 
     /// Checks that the planes have the lengths that `size` asks for.
@@ -340,8 +346,8 @@ pub const fn prepare_bytes(size: usize) -> usize {
 
 /// Crops, averages to `size` x `size` in linear light, turns upright, marks clipped pixels; planes come from `arena`.
 ///
-/// A pixel is clipped when a channel reads 254 or more of 255 (16-bit: 65278, float: 1), whatever its encoding:
-/// decoders and YUV conversion leave saturated areas one code short of white here and there.
+/// [`Exposure`] tells how many of the photo's own pixels are clipped ([`CLIPPED_BYTE`]); `clipped` marks, channel by
+/// channel, where at least [`CLIPPED_AREA`] of a pixel's area is. Display P3's channels count as sRGB's.
 ///
 /// # Errors
 /// [`Error::Size`] unless 1 <= `size` <= [`MAX_SIZE`], [`Error::FieldOfView`], [`Error::WorkspaceTooSmall`].
@@ -360,10 +366,12 @@ pub fn prepare<'a>(
     let clipped = arena.take::<u8>(size * size)?;
     let mut scope = arena.scope();
     let window = resample::Window::new(&crop, frame.width, frame.height, size);
-    frame.pixels.resample(&window, frame.encoding, exec, rgb, clipped, &mut scope)?;
+    let shares = frame.pixels.resample(&window, frame.encoding, exec, rgb, clipped, &mut scope)?;
+    exposure::settle(clipped);
     for plane in rgb.chunks_exact_mut(size * size) {
         geometry::rotate_square(plane, size, frame.rotation);
     }
     geometry::rotate_square(clipped, size, frame.rotation);
-    Ok(LinearImage::new(size, rgb, clipped, crop.fov_deg))
+    let exposure = Exposure { clipped: shares, brightness: 0.0 };
+    Ok(LinearImage { exposure, ..LinearImage::new(size, rgb, clipped, crop.fov_deg) })
 }

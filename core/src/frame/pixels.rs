@@ -1,5 +1,6 @@
 //! The caller's pixels, format by format: checks at the door, then sums of linear light along a row, as integers.
-use super::resample::{self, CLIPPED, Row, Source, Sums, fixed};
+use super::exposure::{CLIPPED_BYTE, CLIPPED_WIDE, swap_red_and_blue};
+use super::resample::{self, Row, Source, Sums, fixed};
 use super::transfer::{WIDE_TABLE, byte_table, fill_wide_table, p3_to_srgb, srgb_to_linear, wide_lookup};
 use super::yuv::{Converter, LOWEST, STEPS, YuvMatrix, YuvPlanes, step};
 use super::{Encoding, MAX_SIDE, yuv};
@@ -9,11 +10,6 @@ use crate::base::exec::Executor;
 use crate::base::simd::{Simd, prefetch};
 use crate::kernels::{AHEAD, ByteTable};
 use core::ops::Range;
-
-/// 8-bit codes from here on count as clipped.
-const CLIPPED_BYTE: u8 = 254;
-/// 16-bit codes from here on count as clipped.
-const CLIPPED_WIDE: u16 = 254 * 257;
 
 /// Layout of a frame's pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -122,7 +118,8 @@ impl<'a> Pixels<'a> {
         }
     }
 
-    /// Fills `rgb` (3 planes) and `clipped` (1 plane), not yet turned upright.
+    /// Fills `rgb` (3 planes) and `clipped` (1 plane of marks), not yet turned upright; gives the share of the photo's pixels
+    /// that are clipped in each channel.
     pub(super) fn resample(
         &self,
         window: &resample::Window,
@@ -131,44 +128,48 @@ impl<'a> Pixels<'a> {
         rgb: &mut [f32],
         clipped: &mut [u8],
         arena: &mut Arena<'_>,
-    ) -> Result<(), Error> {
+    ) -> Result<[f32; 3], Error> {
+        let mut shares: [f32; 3];
         let curve: fn(f32) -> f32 = if encoding == Encoding::Linear { |x| x } else { srgb_to_linear };
         match *self {
             Self::Bytes { format, data, stride } => {
                 let table = &fixed_table(curve);
-                let bytes = &ByteTable::new(table, CLIPPED_BYTE, CLIPPED);
+                let bytes = &ByteTable::new(table, CLIPPED_BYTE);
                 if format == PixelFormat::Rgb8 {
                     let source = Bytes::<3> { data, stride, table, bytes };
-                    resample::run(&source, window, exec, rgb, clipped, arena)?;
+                    shares = resample::run(&source, window, exec, rgb, clipped, arena)?;
                 } else {
                     let source = Bytes::<4> { data, stride, table, bytes };
-                    resample::run(&source, window, exec, rgb, clipped, arena)?;
+                    shares = resample::run(&source, window, exec, rgb, clipped, arena)?;
                 }
                 if format == PixelFormat::Bgra8 {
                     let plane = rgb.len() / 3;
                     let (first, rest) = rgb.split_at_mut(plane);
                     first.swap_with_slice(rest.split_at_mut(plane).1);
+                    swap_red_and_blue(clipped);
+                    shares.reverse();
                 }
             }
             Self::Wide { data, stride } => {
                 let mut arena = arena.scope();
                 let table = arena.take::<f32>(WIDE_TABLE)?;
                 fill_wide_table(table, curve);
-                resample::run(&Wide { data, stride, table }, window, exec, rgb, clipped, &mut arena)?;
+                shares =
+                    resample::run(&Wide { data, stride, table }, window, exec, rgb, clipped, &mut arena)?;
             }
             // The identity by itself: a call for every value of a large photo would cost more than the sums.
             Self::Float { data, stride } if encoding == Encoding::Linear => {
                 let source = Float { data, stride, curve: |x| x };
-                resample::run(&source, window, exec, rgb, clipped, arena)?;
+                shares = resample::run(&source, window, exec, rgb, clipped, arena)?;
             }
             Self::Float { data, stride } => {
                 let source = Float { data, stride, curve: srgb_to_linear };
-                resample::run(&source, window, exec, rgb, clipped, arena)?;
+                shares = resample::run(&source, window, exec, rgb, clipped, arena)?;
             }
             Self::Yuv { planes, matrix, range, .. } => {
                 let table = &steps_table(&fixed_table(curve));
                 let source = Yuv { planes, converter: Converter::new(matrix, range), table };
-                resample::run(&source, window, exec, rgb, clipped, arena)?;
+                shares = resample::run(&source, window, exec, rgb, clipped, arena)?;
             }
         }
         if encoding == Encoding::DisplayP3 {
@@ -178,7 +179,7 @@ impl<'a> Pixels<'a> {
                 [*r, *g, *b] = p3_to_srgb([*r, *g, *b]).map(|v| v.clamp(0.0, 1.0));
             }
         }
-        Ok(())
+        Ok(shares)
     }
 }
 

@@ -9,10 +9,12 @@
 //! ([`Source::has_columns`]), rows added up first, column by column. Only the sums over a box's rows become floats (f64), in one order, so the
 //! bits are the same everywhere.
 use super::Crop;
+use super::exposure::marks;
 use crate::Error;
 use crate::base::arena::{Arena, bytes_for};
 use crate::base::exec::{Executor, Plane, ROWS_PER_BLOCK, for_each_row_block, planes3};
 use crate::base::simd::Simd;
+use crate::kernels::MARK_BIT;
 use bytemuck::{Pod, Zeroable};
 use core::ops::Range;
 
@@ -20,8 +22,8 @@ use core::ops::Range;
 const SLIVER: f64 = 1e-6;
 /// Integer units of linear light in white: all values of 8-bit codes are whole numbers of them.
 const ONE: f32 = (1_u64 << 36) as f32;
-/// Marks a clipped channel of a pixel. Sums of [`MOST`] pixels stay below it, and as many marks fit above it.
-pub(super) const CLIPPED: u64 = 1 << 49;
+/// Marks a clipped channel of a pixel. Sums of [`MOST`] pixels stay below it, and as many marks are counted above it.
+const CLIPPED: u64 = 1 << MARK_BIT;
 /// Most pixels that are added up as integers.
 const MOST: usize = 1 << 12;
 /// Boxes of a row that are worked on together.
@@ -58,8 +60,7 @@ pub(super) trait Source: Sync {
         false
     }
 
-    /// Sets `sums` to the sums of [`fixed`] over `rows`, one for each value from pixel `start` on; what is clipped may be marked
-    /// once for all rows. Nothing that is outside may be asked for.
+    /// Sets `sums` to the sums of [`fixed`] over `rows`, one for each value from pixel `start` on. Nothing that is outside may be asked for.
     fn add_up_columns(&self, _rows: Range<usize>, _start: usize, _sums: &mut [u64], _simd: Simd) {}
 
     /// Asks for the pixels at `start` of `rows`, which will be added up soon.
@@ -83,6 +84,13 @@ fn linear(sum: u64) -> f64 {
     (f64::from_bits((sum & (CLIPPED - 1)) | SHIFT.to_bits()) - SHIFT) * (1.0 / ONE as f64)
 }
 
+/// How many of a sum's pixels are clipped.
+#[inline(always)]
+fn marked(sum: u64) -> f64 {
+    const SHIFT: f64 = (1_u64 << 52) as f64;
+    f64::from_bits((sum >> MARK_BIT) | SHIFT.to_bits()) - SHIFT
+}
+
 /// A square window of a photo and the pixels to make of it.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Window {
@@ -102,10 +110,11 @@ impl Window {
 
 /// Bytes that [`run`] takes for itself.
 pub(super) const fn scratch_bytes(size: usize) -> usize {
-    bytes_for::<Border>(size + 1)
+    bytes_for::<Border>(size + 1) + bytes_for::<f32>(3 * size)
 }
 
-/// Fills `rgb` (3 planes of n x n) and `clipped` (1 plane) from the window of `source`.
+/// Fills `rgb` (3 planes of n x n) and `clipped` (1 plane of [`marks`]) from the window of `source`; gives the share of the
+/// window that is clipped in each channel.
 pub(super) fn run<S: Source>(
     source: &S,
     window: &Window,
@@ -113,23 +122,35 @@ pub(super) fn run<S: Source>(
     rgb: &mut [f32],
     clipped: &mut [u8],
     arena: &mut Arena<'_>,
-) -> Result<(), Error> {
+) -> Result<[f32; 3], Error> {
     let n = window.size;
-    let columns = arena.scope().take::<Border>(n + 1)?;
+    let mut arena = arena.scope();
+    let columns = arena.take::<Border>(n + 1)?;
+    // Of each row, how many of its pixels are clipped in each channel.
+    let shares = arena.zeroed::<f32>(3 * n)?;
     for (index, column) in columns.iter_mut().enumerate() {
         *column = Border::new(window.x, window.step, index, window.width);
     }
     let columns = &*columns;
-    let out = (planes3(rgb, n, n), Plane::new(clipped, n));
-    for_each_row_block(exec, n, ROWS_PER_BLOCK, out, &|rows, (rgb, clipped)| {
+    let out = (planes3(rgb, n, n), Plane::new(clipped, n), Plane::new(&mut *shares, 3));
+    for_each_row_block(exec, n, ROWS_PER_BLOCK, out, &|rows, out| {
         if window.step >= 1.0 {
-            shrink(source, window, columns, rows, exec.simd(), (rgb, clipped));
+            shrink(source, window, columns, rows, exec.simd(), out);
         } else {
-            grow(source, window, rows, rgb, clipped);
+            grow(source, window, rows, out);
         }
     });
-    Ok(())
+    let mut sums = [0.0; 3];
+    for row in shares.as_chunks::<3>().0 {
+        for (sum, share) in sums.iter_mut().zip(row) {
+            *sum += f64::from(*share);
+        }
+    }
+    Ok(sums.map(|sum| (sum / (n * n) as f64) as f32))
 }
+
+/// Rows of R, G and B, of marks, and of three shares each.
+type Out<'a> = ([Plane<'a, f32>; 3], Plane<'a, u8>, Plane<'a, f32>);
 
 /// Where two boxes meet: in which pixel, and how much of it belongs to the box before; [0,1).
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
@@ -167,7 +188,7 @@ fn shrink<S: Source>(
     columns: &[Border],
     rows: Range<usize>,
     simd: Simd,
-    (mut rgb, mut clipped): ([Plane<'_, f32>; 3], Plane<'_, u8>),
+    (mut rgb, mut clipped, mut shares): Out<'_>,
 ) {
     let border = |index| Border::new(window.y, window.step, index, window.height);
     let norm = 1.0 / (window.step * window.step);
@@ -177,8 +198,8 @@ fn shrink<S: Source>(
         let mut from = border(rows.start);
         let mut first = boxes.add_up(source, from.index()..from.index() + 1);
         let [r, g, b] = &mut rgb;
-        let out = r.rows().zip(g.rows()).zip(b.rows()).zip(clipped.rows());
-        for (index, (((r, g), b), clipped)) in rows.clone().zip(out) {
+        let out = r.rows().zip(g.rows()).zip(b.rows()).zip(clipped.rows().zip(shares.rows()));
+        for (index, (((r, g), b), (clipped, shares))) in rows.clone().zip(out) {
             let to = border(index + 1);
             let inside = boxes.add_up(source, from.index() + 1..to.index());
             let last = boxes.add_up(source, to.index()..to.index() + 1);
@@ -195,10 +216,24 @@ fn shrink<S: Source>(
                         }
                         out.iter_mut().skip(start).zip(means).for_each(|(out, mean)| *out = mean);
                     }
-                    let counts = if last_weight > 0.0 { u64::MAX } else { 0 };
-                    for (i, out) in clipped.iter_mut().skip(start).take(RUN).enumerate() {
-                        *out =
-                            u8::from(first.marks[i] | inside.marks[i] | (last.marks[i] & counts) >= CLIPPED);
+                    let clipped = clipped.iter_mut().skip(start).take(RUN);
+                    if !(first.marked | inside.marked | last.marked) {
+                        clipped.for_each(|out| *out = 0);
+                        return;
+                    }
+                    let mut areas = [[0.0_f32; RUN]; 3];
+                    for (c, areas) in areas.iter_mut().enumerate() {
+                        for (i, area) in areas.iter_mut().enumerate() {
+                            let inside = inside.marks[c][i] + last.marks[c][i] * last_weight;
+                            *area = ((first.marks[c][i] * weight + inside) * norm) as f32;
+                        }
+                        // Boxes that are not there have no weight.
+                        if let Some(share) = shares.get_mut(c) {
+                            *share += areas.iter().sum::<f32>();
+                        }
+                    }
+                    for (i, out) in clipped.enumerate() {
+                        *out = marks([areas[0][i], areas[1][i], areas[2][i]]);
                     }
                 },
             );
@@ -219,10 +254,12 @@ struct Boxes<'a> {
     simd: Simd,
 }
 
-/// Rows added up: for each box of a run its sums, columns weighted, and its pixels' marks (and other bits below).
+/// Rows added up: for each box of a run its sums and how many of its pixels are clipped, columns weighted.
 struct Line {
     rgb: [[f64; RUN]; 3],
-    marks: [u64; RUN],
+    marks: [[f64; RUN]; 3],
+    /// Whether any is.
+    marked: bool,
 }
 
 impl<'a> Boxes<'a> {
@@ -237,7 +274,7 @@ impl<'a> Boxes<'a> {
     }
 
     fn add_up<S: Source>(&self, source: &S, rows: Range<usize>) -> Line {
-        let mut line = Line { rgb: [[0.0; RUN]; 3], marks: [0; RUN] };
+        let mut line = Line { rgb: [[0.0; RUN]; 3], marks: [[0.0; RUN]; 3], marked: false };
         // As many rows at once as can be added up; of boxes too long for a single row, one part after the other.
         let most = (MOST / self.longest).max(1);
         let end = rows.end.min(self.height);
@@ -287,8 +324,20 @@ impl<'a> Boxes<'a> {
                         let (weight, last_weight) = (self.weights[i], self.last_weights[i]);
                         let middle = linear(inside[i]) + linear(behind[i]) * last_weight;
                         sums[i] += linear(before[i]) * weight + middle;
-                        let counts = if last_weight > 0.0 { u64::MAX } else { 0 };
-                        line.marks[i] |= before[i] | inside[i] | (behind[i] & counts);
+                    }
+                }
+                let bits = |sums: &[u64]| sums.iter().fold(0, |bits, sum| bits | sum);
+                let any = |sums: &[u64]| bits(sums) >= CLIPPED;
+                if !borders.iter().zip(&inside).any(|(borders, inside)| any(borders) | any(inside)) {
+                    return;
+                }
+                line.marked = true;
+                for ((marks, borders), inside) in line.marks.iter_mut().zip(&borders).zip(&inside) {
+                    let (before, behind) = (first(borders), last(borders));
+                    for i in 0..RUN {
+                        let (weight, last_weight) = (self.weights[i], self.last_weights[i]);
+                        let middle = marked(inside[i]) + marked(behind[i]) * last_weight;
+                        marks[i] += marked(before[i]) * weight + middle;
                     }
                 }
             },
@@ -408,23 +457,27 @@ fn grow<S: Source>(
     source: &S,
     window: &Window,
     rows: Range<usize>,
-    [mut r, mut g, mut b]: [Plane<'_, f32>; 3],
-    mut marks: Plane<'_, u8>,
+    ([mut r, mut g, mut b], mut clipped, mut shares): Out<'_>,
 ) {
     let mix = |[a, b]: [f32; 2], part: f32| a * (1.0 - part) + b * part;
     let pixel = |row: &S::Row<'_>, x: usize| row.add(x, x + 1, [0; 3]);
-    let out = r.rows().zip(g.rows()).zip(b.rows()).zip(marks.rows());
-    for (index, (((r, g), b), marks)) in rows.zip(out) {
+    let out = r.rows().zip(g.rows()).zip(b.rows()).zip(clipped.rows().zip(shares.rows()));
+    for (index, (((r, g), b), (clipped, shares))) in rows.zip(out) {
         let down = Between::new(window.y, window.step, index, window.height);
         let pair = [source.row(down.first), source.row(down.second)];
-        for (j, (((r, g), b), mark)) in r.iter_mut().zip(g).zip(b).zip(marks).enumerate() {
+        for (j, (((r, g), b), mark)) in r.iter_mut().zip(g).zip(b).zip(clipped).enumerate() {
             let across = Between::new(window.x, window.step, j, window.width);
             let corners = [0, 1].map(|i| [across.first, across.second].map(|x| pixel(&pair[i], x)));
+            let between = |value: fn(u64) -> f64, c: usize| {
+                let rows = corners.map(|row| mix(row.map(|sums| value(sums[c]) as f32), across.part));
+                mix(rows, down.part).min(1.0)
+            };
             for (c, out) in [r, g, b].into_iter().enumerate() {
-                let rows = corners.map(|row| mix(row.map(|sums| linear(sums[c]) as f32), across.part));
-                *out = mix(rows, down.part).min(1.0);
+                *out = between(linear, c);
             }
-            *mark = u8::from(corners.as_flattened().as_flattened().iter().any(|&sum| sum >= CLIPPED));
+            let areas = [0, 1, 2].map(|c| between(marked, c));
+            shares.iter_mut().zip(areas).for_each(|(share, area)| *share += area);
+            *mark = marks(areas);
         }
     }
 }

@@ -11,6 +11,7 @@ use std::vec::Vec;
 struct Prepared {
     rgb: Vec<f32>,
     clipped: Vec<u8>,
+    exposure: Exposure,
     fov_deg: f32,
 }
 
@@ -18,7 +19,8 @@ fn prepared_by(exec: &dyn Executor, frame: &Frame<'_>, size: usize, fov: &FieldO
     let mut workspace = vec![0xA5; prepare_bytes(size)];
     let image = prepare(frame, size, fov, exec, &mut Arena::new(&mut workspace)).expect("a good frame");
     image.check().expect("lengths");
-    Prepared { rgb: image.rgb.to_vec(), clipped: image.clipped.to_vec(), fov_deg: image.fov_deg }
+    let (rgb, clipped) = (image.rgb.to_vec(), image.clipped.to_vec());
+    Prepared { rgb, clipped, exposure: image.exposure, fov_deg: image.fov_deg }
 }
 
 fn prepared(frame: &Frame<'_>, size: usize, fov: &FieldOfView) -> Prepared {
@@ -40,31 +42,44 @@ fn image(sides: core::ops::Range<usize>) -> impl Strategy<Value = (usize, usize,
         .prop_flat_map(|(w, h)| (Just(w), Just(h), proptest::collection::vec(any::<u8>(), 3 * w * h)))
 }
 
-/// Mean over boxes in f64: every source pixel's overlap with every output pixel; and whether a clipped one has any.
-fn oracle(data: &[u8], width: usize, height: usize, crop: &Crop, size: usize) -> (Vec<f32>, Vec<u8>) {
+/// Mean over boxes in f64: every source pixel's overlap with every output pixel; and the clipped ones', channels apart.
+fn oracle(data: &[u8], width: usize, height: usize, crop: &Crop, size: usize) -> (Vec<f32>, Vec<f64>) {
     let step = crop.side / size as f64;
     let overlap = |from: f64, pixel: usize| {
         ((from + step).min(pixel as f64 + 1.0) - from.max(pixel as f64)).max(0.0) / step
     };
-    let (mut out, mut clipped) = (vec![0.0_f64; 3 * size * size], vec![0; size * size]);
+    let (mut out, mut areas) = (vec![0.0_f64; 3 * size * size], vec![0.0_f64; 3 * size * size]);
     for i in 0..size {
         for j in 0..size {
             for y in 0..height {
                 let down = overlap(crop.y + step * i as f64, y);
                 for x in 0..if down > 0.0 { width } else { 0 } {
                     let across = overlap(crop.x + step * j as f64, x);
-                    let touched = down.min(across) * step > 1e-6;
                     for c in 0..3 {
                         let code = data[3 * (y * width + x) + c];
                         let linear = f64::from(srgb_to_linear(f32::from(code) / 255.0));
-                        out[(c * size + i) * size + j] += down * across * linear;
-                        clipped[i * size + j] |= u8::from(touched && code >= 254);
+                        let at = (c * size + i) * size + j;
+                        out[at] += down * across * linear;
+                        areas[at] += if code >= 254 { down * across } else { 0.0 };
                     }
                 }
             }
         }
     }
-    (out.iter().map(|&v| v as f32).collect(), clipped)
+    (out.iter().map(|&v| v as f32).collect(), areas)
+}
+
+/// Whether marks and shares are those of these areas; a box of which half is clipped but for rounding may have either mark.
+fn same_clipping(got: &Prepared, areas: &[f64]) -> bool {
+    let plane = got.clipped.len();
+    let marked = |i: usize| got.clipped[i % plane] >> (i / plane) & 1 == 1;
+    let all = areas.iter().all(|&area| area > 0.5 - 1e-5);
+    let marks = areas.iter().enumerate().all(|(i, &area)| {
+        let limit = if all { 1.0 - 1e-5 } else { 0.5 };
+        (area - limit).abs() < 1e-5 || marked(i) == (area >= limit)
+    });
+    let shares = areas.chunks(plane).map(|areas| areas.iter().sum::<f64>() / plane as f64);
+    marks && shares.zip(got.exposure.clipped).all(|(share, got)| (share - f64::from(got)).abs() < 1e-5)
 }
 
 #[test]
@@ -74,9 +89,9 @@ fn area_resampling_is_the_mean_over_boxes() {
         let fov = FieldOfView::shorter_side(degrees);
         let crop = frame.crop(&fov).expect("angle");
         prop_assume!(crop.side >= size as f64);
-        let (got, (rgb, clipped)) = (prepared(&frame, size, &fov), oracle(&data, w, h, &crop, size));
+        let (got, (rgb, areas)) = (prepared(&frame, size, &fov), oracle(&data, w, h, &crop, size));
         prop_assert!(farthest(&got.rgb, &rgb) < 2e-6);
-        prop_assert_eq!(got.clipped, clipped);
+        prop_assert!(same_clipping(&got, &areas));
         prop_assert_eq!(got.fov_deg, crop.fov_deg);
         Ok(())
     });
@@ -96,9 +111,9 @@ fn boxes_and_rows_of_any_length() {
         {
             let frame = Frame::rgb8(data, w, h, 3 * w).expect("frame");
             let crop = frame.crop(&FieldOfView::default()).expect("angle");
-            let (got, (rgb, clipped)) = (whole(&frame, size), oracle(data, w, h, &crop, size));
+            let (got, (rgb, areas)) = (whole(&frame, size), oracle(data, w, h, &crop, size));
             assert!(farthest(&got.rgb, &rgb) < 2e-6, "{w} {h} {size}");
-            assert_eq!(got.clipped, clipped, "{w} {h} {size}");
+            assert!(same_clipping(&got, &areas), "{w} {h} {size}");
         }
     }
     // Boxes of 5000 pixels a row, more than are added up at once.
@@ -112,7 +127,13 @@ fn boxes_and_rows_of_any_length() {
         let sum: f64 = codes.map(|&code| f64::from(srgb_to_linear(f32::from(code) / 255.0))).sum();
         (sum / 25e6) as f32
     };
-    assert!(farthest(&got.rgb, &[0, 1, 2].map(mean)) < 1e-6 && got.clipped == [1]);
+    assert!(farthest(&got.rgb, &[0, 1, 2].map(mean)) < 1e-6 && got.clipped == [0]);
+    // Two codes of 256 are clipped.
+    assert!(
+        got.exposure.clipped.iter().all(|share| (share - 2.0 / 256.0).abs() < 4e-3),
+        "{:?}",
+        got.exposure
+    );
     // A million pixels and more in one box: their sum does not overflow.
     let side = 1100;
     let data: Vec<u8> = (0..3 * side * side).map(|i| 235 + i as u8 % 19).collect();
@@ -157,7 +178,8 @@ fn equal_size_copies_exactly() {
             prop_assert_eq!(got.rgb[at], srgb_to_linear(f32::from(code) / 255.0));
         }
         for (pixel, &clipped) in data.chunks(3).zip(&got.clipped) {
-            prop_assert_eq!(clipped, u8::from(pixel.iter().any(|&c| c >= 254)));
+            let mark = |c: usize| u8::from(pixel[c] >= 254) << c;
+            prop_assert_eq!(clipped, mark(0) | mark(1) | mark(2));
         }
         Ok(())
     });
@@ -280,6 +302,7 @@ fn known_yuv_colours_become_linear_light() {
         assert!((got.rgb[4 * c + 1] - srgb_to_linear(128.0 / 255.0)).abs() < 1e-6, "{:?}", got.rgb);
     }
     assert_eq!(got.clipped, [1, 0, 1, 0]);
+    assert_eq!(got.exposure.clipped, [0.5, 0.0, 0.0]);
 }
 
 #[test]
@@ -301,7 +324,7 @@ fn p3_colours_are_taken_to_srgb_and_clamped() {
 fn small_photos_are_interpolated() {
     let one = whole(&Frame::rgb8(&[255, 0, 128], 1, 1, 3).expect("frame"), 8);
     assert!(one.rgb[..64].iter().all(|&v| v == 1.0) && one.rgb[64..128].iter().all(|&v| v == 0.0));
-    assert!(one.clipped.iter().all(|&c| c == 1));
+    assert!(one.clipped.iter().all(|&c| c == 0b001));
     let line = vec![77; 150_000];
     for (w, h) in [(50_000, 1), (1, 50_000)] {
         let got = whole(&Frame::rgb8(&line, w, h, 3 * w).expect("frame"), 4);
@@ -317,13 +340,44 @@ fn small_photos_are_interpolated() {
 }
 
 #[test]
-fn one_clipped_pixel_marks_the_pixels_that_it_touches() {
+fn a_pixel_is_clipped_in_the_channels_in_which_half_of_it_is() {
     let mut data = vec![100_u8; 3 * 10 * 10];
-    data[3 * (3 * 10 + 7) + 1] = 254;
+    let mut clip = |x: usize, y: usize, c: usize| data[3 * (10 * y + x) + c] = 254;
+    // Boxes of 2.5. Green: one pixel that lies in two boxes, 0.5 and 0.5 of their 6.25.
+    clip(7, 3, 1);
+    // Blue: columns 0 and 1 of box (0, 0), 5 of its 6.25. Red: half a column less, 2.5.
+    (0..3).for_each(|y| (0..2).for_each(|x| clip(x, y, 2)));
+    (0..3).for_each(|y| clip(9, y, 0));
     let got = whole(&Frame::rgb8(&data, 10, 10, 30).expect("frame"), 4);
-    // Boxes of 2.5: row 3 lies in box 1 alone, column 7 in boxes 2 (5 to 7.5) and 3.
-    let marked: Vec<usize> = (0..16).filter(|&i| got.clipped[i] == 1).collect();
-    assert_eq!(marked, [6, 7]);
+    let marked: Vec<(usize, u8)> =
+        got.clipped.iter().copied().enumerate().filter(|(_, mark)| *mark != 0).collect();
+    assert_eq!(marked, [(0, 0b100)]);
+    let shares = [0.03, 0.01, 0.06];
+    assert!(farthest(&got.exposure.clipped, &shares) < 1e-6, "{:?}", got.exposure);
+    let bgra: Vec<u8> = data.as_chunks::<3>().0.iter().flat_map(|[r, g, b]| [*b, *g, *r, 0]).collect();
+    let swapped = whole(&Frame::bgra8(&bgra, 10, 10, 40).expect("frame"), 4);
+    assert_eq!((swapped.clipped, swapped.exposure), (got.clipped, got.exposure));
+}
+
+/// Glitter: white dots everywhere, at any density, in any format, leave a photo that can be used.
+#[test]
+fn glitter_leaves_what_is_between() {
+    for (dense, left) in [(2, true), (11, true), (16, false)] {
+        let code = |i: usize| if (i / 3 * 7 + i / 192 * 3) % 16 < dense { 255 } else { 90 };
+        let data: Vec<u8> = (0..3 * 64 * 64).map(code).collect();
+        let share = data.iter().filter(|code| **code >= 254).count() as f32 / data.len() as f32;
+        let wide: Vec<u16> = data.iter().map(|&c| u16::from(c) * 257).collect();
+        let float: Vec<f32> = data.iter().map(|&c| f32::from(c) / 255.0).collect();
+        for frame in [
+            Frame::rgb8(&data, 64, 64, 192),
+            Frame::rgb16(&wide, 64, 64, 192),
+            Frame::rgb_f32(&float, 64, 64, 192),
+        ] {
+            let got = whole(&frame.expect("frame"), 8);
+            assert_eq!(got.clipped.iter().any(|mark| *mark != ALL_CLIPPED), left, "{dense}");
+            assert!((got.exposure.clipped_share() - share).abs() < 1e-6, "{share} {:?}", got.exposure);
+        }
+    }
 }
 
 #[test]

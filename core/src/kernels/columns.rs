@@ -6,8 +6,8 @@
 use super::byte_table::ByteTable;
 use crate::base::simd::Simd;
 
-/// Most rows that are added up at once: sums of two digits stay below 2^31.
-const MOST_ROWS: usize = 1 << 15;
+/// Most rows that are added up at once: marks are counted in bytes.
+const MOST_ROWS: usize = 255;
 
 impl ByteTable {
     /// Sets `sums` to the sums over `rows` rows that start `stride` bytes apart in `data`, one for each byte of a row. Does
@@ -37,6 +37,7 @@ impl ByteTable {
 
 #[cfg(test)]
 mod tests {
+    use super::super::byte_table::MARK_BIT;
     use super::*;
     use crate::base::simd::Level;
     use crate::base::testing::property;
@@ -55,13 +56,13 @@ mod tests {
     ) -> Vec<u64> {
         let column = |x: usize| (0..rows).map(move |y| data[y * stride + x]);
         let sum = |x: usize| column(x).map(|byte| values[usize::from(byte)]).sum::<u64>();
-        let marked = |x: usize| column(x).any(|byte| byte >= from);
-        (0..width).map(|x| sum(x) + if marked(x) { 1 << 49 } else { 0 }).collect()
+        let marked = |x: usize| column(x).filter(|byte| *byte >= from).count() as u64;
+        (0..width).map(|x| sum(x) + (marked(x) << MARK_BIT)).collect()
     }
 
     #[test]
     fn sums_are_those_of_plain_loops() {
-        let sizes = (1..300_usize, 0..9_usize, prop_oneof![1..20_usize, 1..700_usize]);
+        let sizes = (1..300_usize, 0..9_usize, prop_oneof![1..20_usize, 1..=MOST_ROWS]);
         let kinds = (any::<u64>(), 0..4_u8, any::<u8>());
         property(300, (sizes, kinds), |((width, pad, rows), (seed, kind, from))| {
             let random = |i: usize| {
@@ -79,7 +80,7 @@ mod tests {
                 .map(|i| if kind == 3 { 255 } else { random(i + 1000) as u8 })
                 .collect();
             let expected = plain(&values, from, &data, rows, stride, width);
-            let table = ByteTable::new(&values, from, 1 << 49);
+            let table = ByteTable::new(&values, from);
             for simd in Level::ALL.into_iter().filter_map(|level| Simd::for_level(level).ok()) {
                 let mut sums = vec![5; width];
                 let done = table.column_sums(&data, (rows, stride), &mut sums, simd);
@@ -92,7 +93,7 @@ mod tests {
 
     #[test]
     fn sums_that_would_read_or_run_over_are_refused() {
-        let (table, data) = (ByteTable::new(&[1; 256], 255, 0), [0_u8; 64]);
+        let (table, data) = (ByteTable::new(&[1; 256], 255), [0_u8; 64]);
         let best = Simd::for_level(Level::detect()).expect("this CPU's level");
         for (rows, stride, width) in [(0, 8, 8), (9, 8, 8), (2, 57, 8), (2, usize::MAX, 1), (1, 0, 65)] {
             let mut sums = vec![7; width];
@@ -102,6 +103,6 @@ mod tests {
         let mut sums = [7; 8];
         assert!(!table.column_sums(&data, (MOST_ROWS + 1, 0), &mut sums, best));
         assert_eq!(table.column_sums(&data, (MOST_ROWS, 0), &mut sums, best), best.has_byte_tables());
-        assert_eq!(sums, if best.has_byte_tables() { [1 << 15; 8] } else { [7; 8] });
+        assert_eq!(sums, if best.has_byte_tables() { [MOST_ROWS as u64; 8] } else { [7; 8] });
     }
 }

@@ -27,7 +27,7 @@ mod x86_64;
 
 use crate::Error;
 use crate::base::simd::{Level, Simd};
-pub(crate) use byte_table::{AHEAD, ByteTable};
+pub(crate) use byte_table::{AHEAD, ByteTable, MARK_BIT};
 use quant::Range;
 
 /// Every level that has kernels on this architecture, slowest first, whether this CPU has it or not: private, because

@@ -74,7 +74,7 @@ pub struct Capture<'a> {
     /// Even light that the re-render adds to the flash's, as a share of the flash's at the centre, [0,1]
     /// ([`search::Lights`]): fitted, no measurement of the room.
     pub room_light: f32,
-    /// RMSE of re-render against the photo, gamma 2.2, clipped pixels left out.
+    /// RMSE of re-render against the photo, gamma 2.2, clipped values left out.
     pub residual: f32,
     /// What the CRFs' solvers did.
     pub solver: SolverReports,
@@ -153,7 +153,7 @@ pub fn workspace_bytes(engine: &dyn Inference) -> usize {
 ///
 /// # Errors
 /// [`Error::Cancelled`] when the observer says so, [`Error::LightScale`], [`Error::WorkspaceTooSmall`],
-/// [`Error::NoUsablePixels`] when the photo is clipped all over, [`Error::PhotoBlack`], and what the stages say of wrong
+/// [`Error::NoUsablePixels`] when the photo is clipped all over in every channel, [`Error::PhotoBlack`], and what the stages say of wrong
 /// sizes.
 pub fn run<'a>(
     engine: &dyn Inference,
@@ -171,8 +171,8 @@ pub fn run<'a>(
     let photo = staged(observer, Stage::Frame, |_| {
         within(exec, || {
             let photo = frame::prepare(frame, size, &options.fov, exec, &mut arena)?;
-            search::check_exposure(&photo, exec)?;
-            Ok(LinearImage { light_scale: options.light_scale, ..photo })
+            let exposure = search::check_exposure(&photo, exec)?;
+            Ok(LinearImage { exposure, light_scale: options.light_scale, ..photo })
         })
     })?;
     let run = stages::Run { photo, options, exec };

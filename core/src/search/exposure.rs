@@ -7,9 +7,9 @@ use crate::base::lanes::{LANES, load, sum, unset};
 use crate::base::math::approx::{exp2, gamma, log2};
 use crate::base::math::sqrtf;
 use crate::base::planes::{check_planes, plane_row};
-use crate::frame::LinearImage;
+use crate::frame::{Exposure, LinearImage};
 
-/// Mean of the photo's unclipped pixels, linear, under which it is black: code 2 of 255 is brighter.
+/// Mean of the photo's values, linear, under which it is black: code 2 of 255 is brighter.
 const BLACK: f64 = 5e-4;
 
 /// Steps of [`lights`] after those of [`light_scale`].
@@ -19,14 +19,14 @@ const ROWS: usize = 256;
 /// The same of [`lights`]' own steps.
 const ROOM_ROWS: usize = 128;
 
-/// Whether a photo shows anything to compare a render with.
+/// Whether a photo shows anything to compare a render with; its exposure, with the brightness of what is not clipped.
 ///
 /// # Errors
-/// [`Error::NoUsablePixels`] when every pixel is clipped, [`Error::PhotoBlack`] when the others are black,
-/// [`Error::PlaneLength`], [`Error::Size`].
-pub fn check_exposure(photo: &LinearImage<'_>, exec: &dyn Executor) -> Result<(), Error> {
+/// [`Error::NoUsablePixels`] when every channel of every pixel is clipped, [`Error::PhotoBlack`] when the photo is black, what
+/// is clipped included, [`Error::PlaneLength`], [`Error::Size`].
+pub fn check_exposure(photo: &LinearImage<'_>, exec: &dyn Executor) -> Result<Exposure, Error> {
     photo.check()?;
-    let exposure = sums(
+    let usable = sums(
         photo,
         [],
         1,
@@ -34,24 +34,27 @@ pub fn check_exposure(photo: &LinearImage<'_>, exec: &dyn Executor) -> Result<()
         #[inline(always)]
         |p, []| [p, 1.0],
     );
-    check_mean(exposure)
+    let brightness = mean(usable).ok_or(Error::NoUsablePixels)? as f32;
+    check_black(photo.rgb.len(), usable)?;
+    Ok(Exposure { brightness, ..photo.exposure })
 }
 
-/// The sum of the photo's values and their number.
-fn check_mean(exposure: [f64; 2]) -> Result<(), Error> {
-    if mean(exposure).ok_or(Error::NoUsablePixels)? < BLACK { Err(Error::PhotoBlack) } else { Ok(()) }
+/// Whether a photo of `values` values is black: the sum and the number of those that are not clipped, the others being 1.
+fn check_black(values: usize, [sum, number]: [f64; 2]) -> Result<(), Error> {
+    let all = values as f64;
+    if sum + (all - number) < BLACK * all { Err(Error::PhotoBlack) } else { Ok(()) }
 }
 
 /// The scale s for which s times `render` (3 planes, made with light strength 1) is nearest to the photo.
 ///
-/// Weighted least squares in closed form over all channels of pixels that are not clipped:
+/// Weighted least squares in closed form over all values that are not clipped:
 /// s = sum(w R P) / sum(w R²). The weight is 1/m, m the mean of photo and prediction (plus 0.02): an error then counts
 /// about as much as the eye, or gamma 2.2, has it. Three steps from the geometric mean of the ratios, with the last s
 /// in m; relative errors over 0.3 weigh as 0.3 (Huber) and those over 1 not at all, so that a highlight that is
 /// elsewhere, or a thousand times too bright, does not pull.
 ///
 /// # Errors
-/// [`Error::NoUsablePixels`] when every pixel is clipped or `render` is black, [`Error::PhotoBlack`],
+/// [`Error::NoUsablePixels`] when every value is clipped or `render` is black, [`Error::PhotoBlack`],
 /// [`Error::PlaneLength`], [`Error::Size`].
 pub fn light_scale(photo: &LinearImage<'_>, render: &[f32], exec: &dyn Executor) -> Result<f32, Error> {
     check_planes(photo.size, 3, render.len())?;
@@ -190,13 +193,18 @@ fn starting_scale(
             if counts { [p, 1.0, log, 1.0] } else { [p, 1.0, 0.0, 0.0] }
         },
     );
-    check_mean([sum, number])?;
+    let exposure = [sum, number];
+    if step > 1 && mean(exposure).ok_or(Error::NoUsablePixels)? < BLACK {
+        return Err(Error::PhotoBlack);
+    } else if step == 1 {
+        check_black(photo.rgb.len(), exposure)?;
+    }
     let start = exp2(mean([logs, count]).ok_or(Error::NoUsablePixels)? as f32);
     if start.is_finite() && start > 0.0 { Ok(start) } else { Err(Error::NoUsablePixels) }
 }
 
-/// RMSE in [0,1] of the re-render against the photo, both with gamma 2.2 and clamped to [0,1], clipped pixels left
-/// out; 0 when no pixel is left.
+/// RMSE in [0,1] of the re-render against the photo, both with gamma 2.2 and clamped to [0,1], clipped values left
+/// out; 0 when none is left.
 ///
 /// # Errors
 /// [`Error::PlaneLength`], [`Error::Size`].
@@ -222,7 +230,7 @@ fn mean([sum, count]: [f64; 2]) -> Option<f64> {
     (count > 0.0).then(|| sum / count)
 }
 
-/// The sums of `terms(photo, renders)` over all channels of the pixels that are not clipped, in every `step`-th row.
+/// The sums of `terms(photo, renders)` over all values that are not clipped, in every `step`-th row.
 #[inline(always)]
 pub(super) fn sums<const K: usize, const N: usize>(
     photo: &LinearImage<'_>,
@@ -242,8 +250,8 @@ pub(super) fn sums<const K: usize, const N: usize>(
                 for row in rows.filter(|row| row.is_multiple_of(step)) {
                     let clipped = photo.clipped.get(row * n..(row + 1) * n).unwrap_or(&[]);
                     for start in (0..n).step_by(LANES) {
-                        let free = unset(clipped, start);
                         for plane in 0..3 {
+                            let free = unset(clipped, 1 << plane, start);
                             let photo = load(plane_row(photo.rgb, n, plane * n + row), start);
                             for k in 0..K {
                                 loaded[k] = load(plane_row(renders[k], n, plane * n + row), start);
@@ -275,6 +283,7 @@ mod tests {
     use super::super::tests::{FOV, scenery};
     use super::*;
     use crate::base::exec::Inline;
+    use crate::frame::ALL_CLIPPED;
     use std::vec;
 
     #[test]
@@ -295,7 +304,7 @@ mod tests {
         assert!((found / 0.7 - 1.0).abs() < 1e-4, "{found}");
         // Nothing usable in the rows that are looked at: all are.
         for (i, clipped) in s.clipped.iter_mut().enumerate() {
-            *clipped |= u8::from((i / n).is_multiple_of(2));
+            *clipped |= if (i / n).is_multiple_of(2) { ALL_CLIPPED } else { 0 };
         }
         let found = light_scale(&s.photo(), &render, &Inline).expect("usable");
         assert!((found / 0.7 - 1.0).abs() < 1e-4, "{found}");
@@ -381,18 +390,43 @@ mod tests {
             light_scale(&s.photo(), &[0.0; 3], &Inline),
             Err(Error::PlaneLength { needed: 192, given: 3 })
         );
-        s.clipped.fill(1);
+        s.clipped.fill(ALL_CLIPPED);
         assert_eq!(light_scale(&s.photo(), &render, &Inline), Err(Error::NoUsablePixels));
         s.clipped.fill(0);
         s.photo.fill(4.5e-4);
         assert_eq!(light_scale(&s.photo(), &render, &Inline), Err(Error::PhotoBlack));
         s.photo.fill(5.5e-4);
-        assert_eq!(check_exposure(&s.photo(), &Inline), Ok(()));
+        let exposure = check_exposure(&s.photo(), &Inline).expect("not black");
+        assert!((exposure.brightness - 5.5e-4).abs() < 1e-9, "{exposure:?}");
+    }
+
+    /// What is overexposed is no black: half a photo that is white beside black shows the edge at least.
+    #[test]
+    fn a_photo_of_white_and_black_is_not_black() {
+        let mut s = scenery(8, 0.05, 1.0);
+        let render = s.render(0.05);
+        s.photo.fill(0.0);
+        assert_eq!(check_exposure(&s.photo(), &Inline), Err(Error::PhotoBlack));
+        s.photo.chunks_mut(2).for_each(|pair| pair[0] = 1.0);
+        s.clipped.chunks_mut(2).for_each(|pair| pair[0] = ALL_CLIPPED);
+        assert_eq!(check_exposure(&s.photo(), &Inline).map(|exposure| exposure.brightness), Ok(0.0));
+        assert!(light_scale(&s.photo(), &render, &Inline).expect("usable") > 0.0);
+    }
+
+    /// Red is burnt out everywhere; the scale comes from green and blue.
+    #[test]
+    fn a_clipped_channel_leaves_the_others() {
+        let mut s = scenery(32, 0.05, 0.7);
+        let render = s.render(0.05);
+        s.photo[..32 * 32].fill(1.0);
+        s.clipped.fill(0b001);
+        let found = light_scale(&s.photo(), &render, &Inline).expect("usable");
+        assert!((found / 0.7 - 1.0).abs() < 1e-4, "{found}");
     }
 
     #[test]
     fn the_residual_is_gamma_2_2_rmse_of_unclipped_pixels() {
-        let image = LinearImage::new(2, &[0.25; 12], &[0, 0, 0, 1], FOV);
+        let image = LinearImage::new(2, &[0.25; 12], &[0, 0, 0, ALL_CLIPPED], FOV);
         assert_eq!(residual(&image, &[0.25; 12], &Inline), Ok(0.0));
         // 1 - 0.25^(1/2.2) = 0.467479 where not clipped; over-bright render counts as white.
         let mut render = [7.0; 12];
@@ -406,7 +440,7 @@ mod tests {
         for n in [1, 37, 128, 200] {
             let mut s = scenery(n, 0.05, 1.0);
             let render: std::vec::Vec<f32> = s.photo.iter().map(|p| 0.8 * p + 0.03).collect();
-            s.clipped.iter_mut().skip(5).step_by(7).for_each(|clipped| *clipped = 1);
+            s.clipped.iter_mut().skip(5).step_by(7).for_each(|clipped| *clipped = ALL_CLIPPED);
             let (mut sum, mut count) = (0.0, 0.0);
             for ((p, r), clipped) in s.photo.iter().zip(&render).zip(s.clipped.iter().cycle()) {
                 if *clipped == 0 {

@@ -11,7 +11,7 @@ use crate::base::exec::Executor;
 use crate::base::math::approx::gamma;
 use crate::base::resample::{shrink, shrunk};
 use crate::brdf::{self, Scene};
-use crate::frame::LinearImage;
+use crate::frame::{CLIPPED_AREA, LinearImage};
 use crate::maps::Maps;
 use glam::{Vec2, Vec3};
 
@@ -44,7 +44,7 @@ pub fn flash_position_bytes(size: usize) -> usize {
 /// The position of the flash in plane units (the plane is z = 0, the camera at (0,0,1)), z = 1, within 0.35 of the camera's in
 /// x and in y, for which `maps` re-rendered come nearest to the photo.
 ///
-/// Photo and maps are compared at no more than 64 x 64 pixels, in gamma 2.2; flash and room have the strengths that suit the
+/// Photo and maps are compared at no more than [`SIDE`] x [`SIDE`] pixels, in gamma 2.2; flash and room have the strengths that suit the
 /// position ([`lights`]); where the photo is clipped, it and the re-render count as white. A compass search: the eight
 /// neighbours at a step of 0.1, then of half and a quarter of that, from the camera on. The camera's own position where the
 /// photo does not say: where it is clipped nearly everywhere, or black.
@@ -67,9 +67,16 @@ pub fn flash_position(
     {
         let mut arena = arena.scope();
         let (full, small) = (arena.take::<f32>(n * n)?, arena.take::<f32>(m * m)?);
-        full.iter_mut().zip(photo.clipped).for_each(|(number, flag)| *number = f32::from(*flag));
-        shrink(full, n, m, small, exec);
-        clipped.iter_mut().zip(&*small).for_each(|(flag, share)| *flag = u8::from(*share > 0.0));
+        clipped.fill(0);
+        for bit in [1, 2, 4] {
+            full.iter_mut()
+                .zip(photo.clipped)
+                .for_each(|(number, flag)| *number = f32::from((*flag & bit).min(1)));
+            shrink(full, n, m, small, exec);
+            for (flag, share) in clipped.iter_mut().zip(&*small) {
+                *flag |= if *share >= CLIPPED_AREA { bit } else { 0 };
+            }
+        }
     }
     let small = LinearImage { size: m, rgb, clipped, ..*photo };
     let maps = Maps {
@@ -151,7 +158,7 @@ impl Fit<'_> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::tests::{FOV, Scenery, scenery};
+    use super::super::tests::{FOV, Scenery, marks, scenery};
     use super::*;
     use crate::base::exec::Inline;
     use std::vec;
@@ -167,9 +174,7 @@ mod tests {
         for (photo, (r, a)) in s.photo.iter_mut().zip(render.iter().zip(&s.albedo)) {
             *photo = (0.6 * (r + room * a)).min(1.0);
         }
-        for (i, clipped) in s.clipped.iter_mut().enumerate() {
-            *clipped = u8::from((0..3).any(|c| s.photo[c * n * n + i] >= 1.0));
-        }
+        s.clipped = marks(&s.photo, n * n);
         s
     }
 
@@ -232,7 +237,7 @@ mod tests {
     #[test]
     fn a_photo_that_does_not_say_leaves_the_flash_at_the_camera() {
         let mut s = scenery(128, F0, 1.0);
-        s.clipped.fill(1);
+        s.clipped.fill(crate::frame::ALL_CLIPPED);
         assert_eq!(found(&s), Ok(Vec3::Z));
         let mut s = scenery(128, F0, 1.0);
         s.photo.fill(0.0);

@@ -31,8 +31,8 @@ const GRID: usize = 16;
 pub const MIN_ROUGHNESS: f32 = 1.0 / 32.0;
 /// Fills `roughness` with the value found at each pixel and `observability` with how much the photo says about it.
 ///
-/// `albedo` and `normal` are 3 planes each; `light.strength` is the light scale. A clipped pixel's prediction is
-/// clamped to 1 as the camera clamped the photo.
+/// `albedo` and `normal` are 3 planes each; `light.strength` is the light scale. Where a channel is
+/// clipped its prediction is clamped to 1 as the camera clamped the photo.
 ///
 /// The observability is 1 - std/std0, clamped to [0,1]: std is the standard deviation of the roughness on the coarse
 /// grid, each value weighted by its likelihood (Student's t, three degrees of freedom, scale 0.01 + 0.1 of the
@@ -74,7 +74,10 @@ pub fn roughness(
                         let colours = load3(photo.rgb, n, row, start);
                         let albedo = load3(albedo, n, row, start);
                         let normal = load3(normal, n, row, start);
-                        let free = unset(clipped, start);
+                        let free = [0, 1, 2].map(
+                            #[inline(always)]
+                            |c| unset(clipped, 1 << c, start),
+                        );
                         let at = |i: usize| Incident::at(geometry.point(row, start + i), light);
                         let run = Run::new(colours, &free, &albedo, &normal, f0, at);
                         let (best, observability) = run.coarse();
@@ -100,7 +103,7 @@ struct Run {
     n_dot_l: Lanes,
     n_dot_v: Lanes,
     /// Where the camera clamped.
-    white: Lanes,
+    white: [Lanes; 3],
 }
 
 /// Value `i` of the coarse grid.
@@ -113,15 +116,15 @@ impl Run {
     #[inline(always)]
     fn new(
         photo: [Lanes; 3],
-        free: &Lanes,
+        free: &[Lanes; 3],
         albedo: &[Lanes; 3],
         normal: &[Lanes; 3],
         f0: f32,
         at: impl Fn(usize) -> Incident,
     ) -> Self {
         let zero = [0.0; LANES];
-        let mut diffuse = [zero; 3];
-        let [mut white, mut specular, mut cos2, mut sin2, mut n_dot_l, mut n_dot_v] = [zero; 6];
+        let (mut diffuse, mut white) = ([zero; 3], [zero; 3]);
+        let [mut specular, mut cos2, mut sin2, mut n_dot_l, mut n_dot_v] = [zero; 5];
         for i in 0..LANES {
             let at = at(i);
             let normal = Vec3::new(normal[0][i], normal[1][i], normal[2][i]);
@@ -137,7 +140,9 @@ impl Run {
             sin2[i] = if lit { angles.sin2 } else { 0.0 };
             n_dot_l[i] = if lit { angles.n_dot_l } else { 1.0 };
             n_dot_v[i] = if lit { angles.n_dot_v } else { 1.0 };
-            white[i] = if free[i] > 0.0 { f32::MAX } else { 1.0 };
+            for c in 0..3 {
+                white[c][i] = if free[c][i] > 0.0 { f32::MAX } else { 1.0 };
+            }
         }
         Self { photo, diffuse, specular, cos2, sin2, n_dot_l, n_dot_v, white }
     }
@@ -151,7 +156,7 @@ impl Run {
         let mut error = 0.0;
         for c in 0..3 {
             let predicted = self.diffuse[c][i] + specular;
-            let predicted = if predicted < self.white[i] { predicted } else { self.white[i] };
+            let predicted = if predicted < self.white[c][i] { predicted } else { self.white[c][i] };
             error += (predicted - self.photo[c][i]) * (predicted - self.photo[c][i]);
         }
         error
@@ -247,6 +252,7 @@ mod tests {
     use crate::base::exec::{At, Inline};
     use crate::base::simd::{Level, Simd};
     use crate::brdf::{Sample, render};
+    use crate::frame::ALL_CLIPPED;
     use crate::maps::Maps;
     use std::vec;
     use std::vec::Vec;
@@ -261,6 +267,12 @@ mod tests {
     }
 
     pub(super) const FOV: f32 = 43.35;
+
+    /// Bit c where channel c of a pixel is at white or above.
+    pub(super) fn marks(photo: &[f32], plane: usize) -> Vec<u8> {
+        let mark = |i: usize, c: usize| u8::from(photo[c * plane + i] >= 1.0) << c;
+        (0..plane).map(|i| mark(i, 0) | mark(i, 1) | mark(i, 2)).collect()
+    }
 
     /// Slightly wavy material with roughness falling from left to right, photographed with light scale `scale`.
     pub(super) fn scenery(n: usize, f0: f32, scale: f32) -> Scenery {
@@ -279,7 +291,7 @@ mod tests {
         let mut photo = vec![0.0; 3 * plane];
         let maps = Maps { size: n, albedo: &albedo, normal: &normal, roughness: &roughness };
         render(&maps, f0, &Scene::flash(FOV, scale), &Inline, &mut photo).expect("scene");
-        let clipped = (0..plane).map(|i| u8::from((0..3).any(|c| photo[c * plane + i] >= 1.0))).collect();
+        let clipped = marks(&photo, plane);
         photo.iter_mut().for_each(|v| *v = v.min(1.0));
         Scenery { n, albedo, normal, roughness, photo, clipped }
     }
@@ -348,7 +360,8 @@ mod tests {
                 let normal = pick(&s.normal);
                 let sample = Sample { albedo: pick(&s.albedo), normal, roughness, f0: 0.05 };
                 let radiance = sample.evaluate(at.light, at.view) * normal.dot(at.light) * at.irradiance;
-                let radiance = if s.clipped[i] == 0 { radiance } else { radiance.min(Vec3::ONE) };
+                let white = [1, 2, 4].map(|bit| if s.clipped[i] & bit == 0 { f32::MAX } else { 1.0 });
+                let radiance = radiance.min(Vec3::from_array(white));
                 (radiance - pick(&s.photo)).length_squared()
             };
             let least = (4..=128).map(|j| error(j as f32 / 128.0)).fold(f32::MAX, f32::min);
@@ -364,7 +377,7 @@ mod tests {
         let mut s = scenery(16, 0.05, 1.0);
         s.albedo.fill(0.9);
         s.photo.fill(1.0);
-        s.clipped.fill(1);
+        s.clipped.fill(ALL_CLIPPED);
         let (found, seen) = s.search(0.05, 4.0, &Inline);
         assert!(
             found.iter().all(|&r| r == MIN_ROUGHNESS) && seen.iter().all(|&o| o < 1e-3),

@@ -56,8 +56,8 @@ struct Photo {
 
 impl Photo {
     fn image(&self) -> LinearImage<'_> {
-        let Self { size, rgb, clipped, fov_deg, light_scale, flash } = self;
-        LinearImage { size: *size, rgb, clipped, fov_deg: *fov_deg, light_scale: *light_scale, flash: *flash }
+        let photo = LinearImage::new(self.size, &self.rgb, &self.clipped, self.fov_deg);
+        LinearImage { light_scale: self.light_scale, flash: self.flash, ..photo }
     }
 }
 
@@ -196,7 +196,7 @@ fn below_highlights(step: HighlightStep, photo: &Photo, maps: &mut OwnedMaps, f0
     step(&photo.image(), &mut maps.view_mut(), f0, &super::fast(), &mut Arena::new(&mut vec![0; bytes]))
 }
 
-/// 1 where a pixel of the photo, as the pipeline sees it, is clipped.
+/// Where the photo, as the pipeline sees it, is clipped.
 fn clipped(photo: &crate::photo::Photo, size: usize) -> Result<Vec<u8>, Error> {
     let frame = photo.frame(frame::Encoding::Srgb)?;
     let mut bytes = vec![0_u8; frame::prepare_bytes(size)];

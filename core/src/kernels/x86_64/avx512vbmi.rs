@@ -1,14 +1,14 @@
 //! AVX-512 VBMI: a table of 256 bytes in four registers, looked up for 64 bytes by two `vpermi2b` and a blend on the
 //! bytes' highest bit; `vpdpbusd` (VNNI) adds up four rows' digits. See `columns.rs`.
 #![allow(unsafe_code)]
-use super::super::byte_table::{AHEAD, ByteTable, DIGITS};
+use super::super::byte_table::{AHEAD, ByteTable, DIGITS, MARK_BIT};
 use core::arch::x86_64::{
-    __m512i, __mmask64, _MM_HINT_T0, _mm_prefetch, _mm512_castsi512_si256, _mm512_cmpge_epu8_mask,
-    _mm512_cvtepi32_epi64, _mm512_dpbusd_epi32, _mm512_extracti64x4_epi64, _mm512_loadu_si512,
-    _mm512_mask_add_epi64, _mm512_mask_blend_epi8, _mm512_mask_storeu_epi64, _mm512_maskz_loadu_epi8,
-    _mm512_max_epu8, _mm512_movepi8_mask, _mm512_permutex2var_epi8, _mm512_permutex2var_epi16,
-    _mm512_set1_epi8, _mm512_set1_epi32, _mm512_set1_epi64, _mm512_setzero_si512, _mm512_slli_epi64,
-    _mm512_sub_epi64,
+    __m512i, __mmask64, _MM_HINT_T0, _mm_loadl_epi64, _mm_prefetch, _mm512_add_epi64, _mm512_castsi512_si256,
+    _mm512_cmpge_epu8_mask, _mm512_cvtepi32_epi64, _mm512_cvtepu8_epi64, _mm512_dpbusd_epi32,
+    _mm512_extracti64x4_epi64, _mm512_loadu_si512, _mm512_mask_add_epi8, _mm512_mask_blend_epi8,
+    _mm512_mask_storeu_epi64, _mm512_maskz_loadu_epi8, _mm512_movepi8_mask, _mm512_permutex2var_epi8,
+    _mm512_permutex2var_epi16, _mm512_set1_epi8, _mm512_set1_epi32, _mm512_setzero_si512, _mm512_slli_epi64,
+    _mm512_storeu_si512, _mm512_sub_epi64,
 };
 
 /// Columns that are worked on together: the bytes of a register.
@@ -41,7 +41,7 @@ const FOURS: [[u16; 32]; 2] = {
 /// Sets `sums` to the sums over `rows` rows of bytes that start `stride` apart, and marks them.
 ///
 /// # Safety
-/// The CPU has the features; `1 <= rows <= 2^15` and `(rows - 1) * stride + sums.len() <= data.len()`.
+/// The CPU has the features; `1 <= rows <= 255` and `(rows - 1) * stride + sums.len() <= data.len()`.
 #[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512vnni,avx512vbmi")]
 pub(in super::super) unsafe fn column_sums(
     table: &ByteTable,
@@ -52,10 +52,11 @@ pub(in super::super) unsafe fn column_sums(
     for (index, sums) in sums.chunks_mut(COLUMNS).enumerate() {
         let inside = u64::MAX >> (COLUMNS - sums.len());
         // SAFETY: the caller's promise; `inside` ends at the last column.
-        let (digits, largest) =
+        let (digits, marked) =
             unsafe { add_up(table, data.as_ptr().add(index * COLUMNS), (rows, stride), inside) };
-        let marked = _mm512_cmpge_epu8_mask(largest, _mm512_set1_epi8(table.marked_from.cast_signed()));
-        let mark = _mm512_set1_epi64(table.mark.cast_signed());
+        let mut marks = [0_u8; COLUMNS];
+        // SAFETY: 64 bytes.
+        unsafe { _mm512_storeu_si512(marks.as_mut_ptr().cast(), marked) };
         for (i, [low, middle, high]) in digits.into_iter().enumerate() {
             for half in 0..2 {
                 let wide = |sum: __m512i| {
@@ -69,7 +70,9 @@ pub(in super::super) unsafe fn column_sums(
                 let above = _mm512_sub_epi64(_mm512_slli_epi64::<30>(high), _mm512_slli_epi64::<15>(middle));
                 let sum = _mm512_sub_epi64(above, low);
                 let first = 16 * i + 8 * half;
-                let sum = _mm512_mask_add_epi64(sum, (marked >> first) as u8, sum, mark);
+                // SAFETY: `first` is at most 56: eight of the 64 bytes.
+                let marks = unsafe { _mm_loadl_epi64(marks.as_ptr().add(first).cast()) };
+                let sum = _mm512_add_epi64(sum, _mm512_slli_epi64::<MARK_BIT>(_mm512_cvtepu8_epi64(marks)));
                 // SAFETY: the mask has no bits for sums that are not there, and wrapping the pointer to them reads nothing.
                 unsafe {
                     let at = sums.as_mut_ptr().wrapping_add(first);
@@ -81,7 +84,7 @@ pub(in super::super) unsafe fn column_sums(
 }
 
 /// For 16 columns at a time minus the sums of digits 0 and 1, minus those of 2 and 3, and the sums of digit 4; and of
-/// each column the largest byte.
+/// each column how many bytes are marked.
 ///
 /// # Safety
 /// The CPU has the features; columns in `inside` can be read in every row.
@@ -101,7 +104,8 @@ unsafe fn add_up(
         )
     };
     let mut sums = [[_mm512_setzero_si512(); 3]; 4];
-    let mut largest = _mm512_setzero_si512();
+    let mut marked = _mm512_setzero_si512();
+    let from = _mm512_set1_epi8(table.marked_from.cast_signed());
     for first in (0..rows).step_by(ROWS) {
         // Past the last row it is taken again, without weight.
         let row = |i: usize| (first + i).min(rows - 1) * stride;
@@ -115,8 +119,9 @@ unsafe fn add_up(
         let weight = u32::MAX >> (8 * (ROWS - (rows - first).min(ROWS)));
         let weights =
             [weight, weight & 0x8080_8080, weight & 0x0101_0101].map(|w| _mm512_set1_epi32(w.cast_signed()));
-        for code in codes {
-            largest = _mm512_max_epu8(largest, code);
+        for code in codes.into_iter().take(rows - first) {
+            let mask = _mm512_cmpge_epu8_mask(code, from);
+            marked = _mm512_mask_add_epi8(marked, mask, marked, _mm512_set1_epi8(1));
         }
         let [a, b, c, d] = codes;
         let ab = pairs.map(|index| _mm512_permutex2var_epi8(a, index, b));
@@ -139,5 +144,5 @@ unsafe fn add_up(
             }
         }
     }
-    (sums, largest)
+    (sums, marked)
 }
