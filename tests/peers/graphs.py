@@ -137,7 +137,10 @@ class Writer:
         for layer in self.graph.layers:
             write[type(layer)](layer)
         h = self.out.helper
-        real = lambda name, dims: h.make_tensor_value_info(name, 1, dims)  # noqa: E731
+
+        def real(name: str, dims: list[Any]) -> Any:
+            return h.make_tensor_value_info(name, 1, dims)
+
         outputs = [real(name, [1, planes, "height", "width"]) for name, planes in MAPS.items()]
         outputs.append(real("probabilities", [1, len(self.probabilities)]))
         inputs = [real(self.graph.input, [1, modelfile.INPUT_CHANNELS, "height", "width"])]

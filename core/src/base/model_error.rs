@@ -70,7 +70,7 @@ pub enum ModelError {
         /// Its number in the file.
         tensor: u32,
     },
-    /// Tensor 0 is not the input that the engine fills: 5 channels, divisor 1, scale 1/255, zero point -128.
+    /// Tensor 0 is not the input that the engine fills: 6 channels, divisor 1, scale 1/255, zero point -128.
     Input,
     /// The logits tensor is not a vector of 8 that a dense layer writes.
     Logits,

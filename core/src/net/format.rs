@@ -73,12 +73,6 @@ numbers!(I32s, i32);
 pub struct Defaults {
     /// Field of view over the square crop, in degrees.
     pub fov_deg: f32,
-    /// Height of light and camera above the plane, in plane units.
-    pub light_distance: f32,
-    /// Radiance of a flat white Lambertian at the centre.
-    pub light_strength: f32,
-    /// Scale from radiance to the network's linear input.
-    pub exposure: f32,
     /// Pixels per side that the network was trained at: larger photos are seen at this size first, at their own for
     /// the detail only (`net::scales`). 0: every size alike.
     pub base_size: u32,
@@ -237,7 +231,8 @@ fn read_defaults(section: &[u8]) -> Result<Defaults, ModelError> {
         && [light_distance, light_strength, exposure].into_iter().all(positive)
         && [base_size, top_size].into_iter().all(|size| size as usize <= crate::base::planes::MAX_SIZE)
     {
-        Ok(Defaults { fov_deg, light_distance, light_strength, exposure, base_size, top_size })
+        // The training's light is a note of the file's; nothing reads it.
+        Ok(Defaults { fov_deg, base_size, top_size })
     } else {
         Err(ModelError::Defaults)
     }

@@ -6,6 +6,8 @@ import ImageIO
 struct Shot: @unchecked Sendable {
     /// Full-range YUV, as the sensor lies.
     let pixels: CVPixelBuffer
+    /// How it must be turned to stand upright, by how the phone was held.
+    let orientation: CGImagePropertyOrientation
     /// 35 mm-equivalent focal length, if the camera tells.
     let focal35mm: Float?
 }
@@ -95,7 +97,8 @@ extension Camera: AVCapturePhotoCaptureDelegate {
         if let error {
             result = .failure(error)
         } else if let pixels = photo.pixelBuffer {
-            result = .success(Shot(pixels: pixels, focal35mm: focal?.floatValue))
+            let turn = orientation(of: photo.metadata[kCGImagePropertyOrientation as String])
+            result = .success(Shot(pixels: pixels, orientation: turn, focal35mm: focal?.floatValue))
         } else {
             result = .failure(Failure.noPixels)
         }

@@ -1,6 +1,4 @@
-import CoreVideo
 import Flashmat
-import ImageIO
 import SwiftUI
 
 /// A finished capture.
@@ -20,6 +18,16 @@ final class CaptureModel: ObservableObject {
     private var engine: MaterialEngine?
     private var task: Task<Void, Never>?
 
+    /// Starts the preview, or says why there is none.
+    func startCamera() async {
+        do { try await camera.start() } catch { say(error) }
+    }
+
+    /// Shows what went wrong.
+    func say(_ error: Error) {
+        message = (error as? FlashmatError)?.message ?? error.localizedDescription
+    }
+
     /// Takes a photo with the torch on and makes a material of it.
     func takePhoto() {
         start { engine, progress in
@@ -27,13 +35,18 @@ final class CaptureModel: ObservableObject {
             var options = CaptureOptions()
             if let focal = shot.focal35mm { options.fieldOfView = .focal35mm(focal) }
             return try await engine.capture(
-                pixelBuffer: shot.pixels, orientation: .right, options: options, progress: progress)
+                pixelBuffer: shot.pixels, orientation: shot.orientation, options: options, progress: progress)
         }
     }
 
     /// Makes a material of a picture.
-    func use(_ image: CGImage) {
-        start { engine, progress in try await engine.capture(image: image, progress: progress) }
+    func use(_ photo: PickedPhoto) {
+        start { engine, progress in
+            var options = CaptureOptions()
+            if let focal = photo.focal35mm { options.fieldOfView = .focal35mm(focal) }
+            return try await engine.capture(
+                image: photo.image, rotation: photo.rotation, options: options, progress: progress)
+        }
     }
 
     func cancel() { task?.cancel() }
@@ -51,15 +64,14 @@ final class CaptureModel: ObservableObject {
             let listener = Task { for await step in steps.steps { progress = step.overall } }
             defer { listener.cancel() }
             do {
-                let engine = try self.engine ?? MaterialEngine()
-                self.engine = engine
+                // Not here: making it takes tens of milliseconds, in which no touch would be heard.
+                if engine == nil { engine = try await Task.detached { try MaterialEngine() }.value }
+                guard let engine else { return }
                 result = CaptureResult(maps: try await capture(engine, steps))
             } catch is CancellationError {
                 message = "Cancelled."
-            } catch let error as FlashmatError {
-                message = error.message
             } catch {
-                message = error.localizedDescription
+                say(error)
             }
         }
     }

@@ -13,7 +13,7 @@ struct CaptureView: View {
             Preview(session: model.camera.session).ignoresSafeArea()
             FramingGuide()
             VStack {
-                Text("Hold the phone flat over the surface, about 20 cm away")
+                Text("Hold the phone flat over the surface, 20 to 50 cm away")
                     .font(.callout).padding(8).background(.ultraThinMaterial, in: Capsule())
                 if let message = model.message {
                     Text(message).font(.callout).foregroundStyle(.yellow).padding(8)
@@ -25,15 +25,18 @@ struct CaptureView: View {
             .padding()
         }
         .task {
-            do { try await model.camera.start() } catch {}
+            await model.startCamera()
         }
         .onDisappear { model.camera.stop() }
         .onChange(of: picked) { item in
             Task {
-                guard let data = try? await item?.loadTransferable(type: Data.self),
-                    let image = UIImage(data: data)?.cgImage
-                else { return }
-                model.use(image)
+                guard let item else { return }
+                do {
+                    guard let data = try await item.loadTransferable(type: Data.self) else { return }
+                    model.use(try PickedPhoto(data))
+                } catch {
+                    model.say(error)
+                }
             }
         }
     }
