@@ -106,7 +106,7 @@ impl flashmat_status {
             Error::FrameStride { .. } => Self::FrameStride,
             Error::FrameBuffer { .. } => Self::FrameBuffer,
             Error::FramePixel { .. } => Self::FramePixel,
-            Error::FieldOfView => Self::FieldOfView,
+            Error::FieldOfView | Error::FocalLength => Self::FieldOfView,
             Error::Size { .. } | Error::NetworkSize { .. } => Self::Size,
             Error::NoUsablePixels => Self::NoUsablePixels,
             Error::PhotoBlack => Self::PhotoBlack,

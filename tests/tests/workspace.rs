@@ -14,3 +14,26 @@ fn a_capture_at_256_takes_at_most_16_mib() {
         assert!(bytes <= 16 << 20, "{bytes}");
     }
 }
+
+/// Sizes that nothing supports take more than there is; none overflows on the way there.
+#[test]
+fn absurd_sizes_take_more_than_there_is() {
+    use flashmat_core::base::planes::MAX_SIZE;
+    use flashmat_core::{crf, frame, highlight, search};
+    type Helper = fn(usize) -> usize;
+    let helpers: [(&str, Helper); 6] = [
+        ("frame", frame::prepare_bytes),
+        ("flash", search::flash_position_bytes),
+        ("highlight", highlight::workspace_bytes),
+        ("texture", highlight::retexture_bytes),
+        ("roughness", highlight::level_roughness_bytes),
+        ("crf", crf::max_workspace_bytes),
+    ];
+    for (name, bytes) in helpers {
+        for size in [MAX_SIZE + 1, 1 << 20, 1 << 31, 1 << 40, usize::MAX / 3, usize::MAX] {
+            assert_eq!(bytes(size), usize::MAX, "{name} {size}");
+        }
+        assert!((1..1 << 40).contains(&bytes(256)), "{name}");
+        assert!(bytes(MAX_SIZE) >= bytes(128), "{name}");
+    }
+}

@@ -39,8 +39,10 @@ pub enum Error {
         /// Row, from the top.
         y: usize,
     },
-    /// A field of view outside 1 to 170 degrees, or a focal length outside 1 to 5000 mm.
+    /// A field of view outside 1 to 170 degrees.
     FieldOfView,
+    /// A focal length, 35 mm equivalent, outside 8 to 5000 mm: below are real ones, of phones 4 to 9 mm.
+    FocalLength,
     /// A known light scale that is not positive and finite, or beyond 1/1000 to 1000.
     LightScale,
     /// A size in pixels, or a row, that is 0, too large or outside.
@@ -105,8 +107,10 @@ impl fmt::Display for Error {
                     "pixel ({x}, {y}) is NaN, infinite or negative; linear light is finite and at least 0"
                 )
             }
-            Self::FieldOfView => f.write_str(
-                "field of view must be 1 to 170 degrees, a focal length 1 to 5000 mm (35 mm equivalent)",
+            Self::FieldOfView => f.write_str("field of view must be 1 to 170 degrees"),
+            Self::FocalLength => f.write_str(
+                "focal length must be 8 to 5000 mm, 35 mm equivalent: did you pass FocalLength instead of \
+                 FocalLengthIn35mmFilm?",
             ),
             Self::LightScale => f.write_str(
                 "the light's known scale must be 0.001 to 1000: the linear value of a flat white surface at the centre",

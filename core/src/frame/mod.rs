@@ -15,6 +15,7 @@ mod pixels;
 #[cfg(test)]
 mod properties;
 mod resample;
+pub mod srgb8;
 #[cfg(test)]
 mod tests;
 pub mod transfer;
@@ -34,6 +35,10 @@ use pixels::Pixels;
 
 /// Largest side of a photo, in pixels (keeps pixel positions exact and sizes within 32-bit platforms' reach).
 pub const MAX_SIDE: usize = 1 << 20;
+
+/// Focal lengths, 35 mm equivalent, that are believed, in mm. The widest lenses that draw straight lines have 8 or 9; what is
+/// less is a phone's real focal length (4 to 9), which would crop the photo to a tenth.
+pub const FOCAL_35MM: core::ops::RangeInclusive<f32> = 8.0..=5000.0;
 
 /// How the sensor's image must be turned, clockwise, to stand upright.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -197,7 +202,8 @@ impl<'a> Frame<'a> {
     /// The central square that `fov` asks for.
     ///
     /// # Errors
-    /// [`Error::FieldOfView`] when an angle or focal length makes no sense.
+    /// [`Error::FieldOfView`] when an angle makes no sense, [`Error::FocalLength`] when a focal length is outside
+    /// [`FOCAL_35MM`].
     pub fn crop(&self, fov: &FieldOfView) -> Result<Crop, Error> {
         let (width, height) = (self.width as f64, self.height as f64);
         let shorter = width.min(height);
@@ -228,7 +234,8 @@ pub enum PhotoFov {
     Unknown,
     /// Angle over the photo's shorter side, in degrees.
     ShorterSide(f32),
-    /// Focal length in mm, 35 mm equivalent (by the diagonal of 43.27 mm, as EXIF 2.3 and CIPA DCG-001 have it).
+    /// Focal length in mm, 35 mm equivalent (by the diagonal of 43.27 mm, as EXIF 2.3 and CIPA DCG-001 have it), within
+    /// [`FOCAL_35MM`].
     Focal35mm(f32),
 }
 
@@ -279,8 +286,8 @@ impl FieldOfView {
             PhotoFov::Unknown => return Ok((1.0, self.target_deg)),
             PhotoFov::ShorterSide(degrees) => half_tan(degrees)?,
             PhotoFov::Focal35mm(mm) => {
-                if !(mm.is_finite() && (1.0..=5000.0).contains(&mm)) {
-                    return Err(Error::FieldOfView);
+                if !FOCAL_35MM.contains(&mm) {
+                    return Err(Error::FocalLength);
                 }
                 let (w, h) = (width as f32, height as f32);
                 HALF_DIAGONAL_MM / mm * (w.min(h) / sqrtf(w * w + h * h))
@@ -334,10 +341,14 @@ impl<'a> LinearImage<'a> {
     }
 }
 
-/// Bytes that [`prepare`] takes from the arena and keeps, plus what it needs for itself on the way.
+/// Bytes that [`prepare`] takes from the arena and keeps, plus what it needs for itself on the way; more than there are for
+/// sizes over [`MAX_SIZE`].
 #[must_use]
 pub const fn prepare_bytes(size: usize) -> usize {
     use crate::base::arena::bytes_for;
+    if size > MAX_SIZE {
+        return usize::MAX;
+    }
     bytes_for::<f32>(3 * size * size)
         + bytes_for::<u8>(size * size)
         + bytes_for::<f32>(transfer::WIDE_TABLE)
@@ -350,7 +361,8 @@ pub const fn prepare_bytes(size: usize) -> usize {
 /// channel, where at least [`CLIPPED_AREA`] of a pixel's area is. Display P3's channels count as sRGB's.
 ///
 /// # Errors
-/// [`Error::Size`] unless 1 <= `size` <= [`MAX_SIZE`], [`Error::FieldOfView`], [`Error::WorkspaceTooSmall`].
+/// [`Error::Size`] unless 1 <= `size` <= [`MAX_SIZE`], [`Error::FieldOfView`], [`Error::FocalLength`],
+/// [`Error::WorkspaceTooSmall`].
 pub fn prepare<'a>(
     frame: &Frame<'_>,
     size: usize,

@@ -401,9 +401,14 @@ fn the_crop_follows_from_the_field_of_view() {
     assert_eq!((unknown.side, unknown.fov_deg), (300.0, 43.35));
     for bad in [0.0, -5.0, 180.0, f32::NAN, f32::INFINITY] {
         assert_eq!(crop(FieldOfView::shorter_side(bad)), Err(Error::FieldOfView));
-        assert_eq!(crop(FieldOfView::focal_35mm(bad * 0.0)), Err(Error::FieldOfView));
         assert_eq!(crop(FieldOfView { target_deg: bad, ..FieldOfView::default() }), Err(Error::FieldOfView));
     }
+    // Real focal lengths of phones are none of a 35 mm equivalent.
+    for bad in [0.0, -26.0, 4.2, 7.9, 5001.0, f32::NAN, f32::INFINITY] {
+        assert_eq!(crop(FieldOfView::focal_35mm(bad)), Err(Error::FocalLength), "{bad}");
+    }
+    assert!(std::format!("{}", Error::FocalLength).contains("did you pass FocalLength instead of"));
+    assert!(crop(FieldOfView::focal_35mm(8.0)).is_ok());
 }
 
 #[test]

@@ -193,6 +193,9 @@ fn brightness(planes: &[f32], out: &mut [f32], exec: &dyn Executor) {
 /// Bytes of workspace that [`restore`] needs for maps of `size` x `size`.
 #[must_use]
 pub fn workspace_bytes(size: usize) -> usize {
+    if size > crate::frame::MAX_SIZE {
+        return usize::MAX;
+    }
     let (seen, grid) = sizes(size);
     let (plane, cells) = (bytes_for::<f32>(seen * seen), bytes_for::<f32>(grid * grid));
     // The look and the diffuse part; the grid's weights, albedo, filled albedo and factors, and the matrix.

@@ -22,6 +22,9 @@ const SPREAD: f32 = 0.2;
 /// Bytes of workspace that [`level_roughness`] needs for maps of `size` x `size`.
 #[must_use]
 pub fn level_roughness_bytes(size: usize) -> usize {
+    if size > crate::frame::MAX_SIZE {
+        return usize::MAX;
+    }
     let (seen, grid) = sizes(size);
     let (plane, cells) = (bytes_for::<f32>(seen * seen), bytes_for::<f32>(grid * grid));
     // The look and the diffuse part; the grid's weights, roughness and filled roughness, and the matrix.

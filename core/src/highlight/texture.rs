@@ -50,6 +50,9 @@ type Offsets = [[i8; 2]; CELLS];
 /// Bytes of workspace that [`retexture`] needs for maps of `size` x `size`.
 #[must_use]
 pub fn retexture_bytes(size: usize) -> usize {
+    if size > crate::frame::MAX_SIZE {
+        return usize::MAX;
+    }
     let (seen, _) = sizes(size);
     let (full, plane) = (bytes_for::<f32>(size.saturating_mul(size)), bytes_for::<f32>(seen * seen));
     // The texture at full size; the look, shares, and two planes of their size; cells' means, shares and contrast; texture,

@@ -1,63 +1,13 @@
 //! The network's input: a linear photo to int8 pixels of sRGB-encoded R, G, B, its point of the plane, and
 //! whether the light's scale is known; if it is, R, G, B are divided by it first.
 //!
-//! A colour's code is the number of 8-bit steps (sRGB-encoded, rounded) at or below it, found by comparison with
-//! the 255 linear values that lie half-way between codes: no power function per pixel. A photo that was 8-bit sRGB
-//! comes back to its own codes. Coordinates ([`COORDINATE_REACH`]) are in steps of 1/255.
+//! A colour's code is that of image files ([`srgb_code`]): a photo that was 8-bit sRGB comes back to its own codes. Coordinates ([`COORDINATE_REACH`]) are in steps of 1/255.
 use super::graph::{COORDINATE_REACH, INPUT_CHANNELS, INPUT_ZERO_POINT};
 use crate::base::exec::{Executor, Plane, ROWS_PER_BLOCK, for_each_row_block};
 use crate::frame::LinearImage;
 use crate::frame::geometry::Geometry;
-use crate::frame::transfer::srgb_to_linear;
+use crate::frame::srgb8::srgb_code;
 use crate::kernels::quant::round_half_even;
-
-/// Intervals between 0 and 1.
-const BINS: usize = 4096;
-/// How far below its interval's lower end an interval's code is taken, in intervals: more than rounding errs.
-const SLACK: f32 = 0.01;
-/// 2^23: adding it to 0 <= x < 2^22 leaves the nearest integer in the low bits.
-const ROUND: f32 = 8_388_608.0;
-
-/// Linear values at which the code steps up, and for each interval (those nearest to k / [`BINS`]) the code at its start.
-struct Encoder {
-    steps: [f32; 256],
-    start: [u8; BINS + 1],
-}
-
-impl Encoder {
-    fn new() -> Self {
-        // Nothing is at or above NaN: there is no step after the last.
-        let mut steps = [f32::NAN; 256];
-        for (code, step) in steps.iter_mut().take(255).enumerate() {
-            *step = srgb_to_linear((code as f32 + 0.5) / 255.0);
-        }
-        let mut start = [0; BINS + 1];
-        let mut code = 0_u8;
-        for (bin, slot) in start.iter_mut().enumerate() {
-            while (bin as f32 - 0.5 - SLACK) / BINS as f32 >= steps[usize::from(code)] {
-                code += 1;
-            }
-            *slot = code;
-        }
-        Self { steps, start }
-    }
-
-    /// The 8-bit code of a linear value; below 0 and NaN: 0, above 1: 255.
-    #[inline(always)]
-    fn code(&self, linear: f32) -> u8 {
-        let inside = if linear > 1.0 {
-            1.0
-        } else if linear > 0.0 {
-            linear
-        } else {
-            0.0
-        };
-        let bin = (inside * BINS as f32 + ROUND).to_bits().wrapping_sub(ROUND.to_bits());
-        let code = self.start.get(bin as usize).copied().unwrap_or(255);
-        // One step at most: the curve is nowhere steeper than 12.92 * 255 codes, 0.81 in an interval.
-        code + u8::from(linear >= self.steps[usize::from(code)])
-    }
-}
 
 fn to_i8(code: u8) -> i8 {
     code.wrapping_sub(INPUT_ZERO_POINT.unsigned_abs()).cast_signed()
@@ -77,7 +27,6 @@ fn coordinate_code(place: f32) -> i8 {
 #[inline(never)] // tests/counts counts it by its name.
 pub(super) fn run(photo: &LinearImage<'_>, exec: &dyn Executor, out: &mut [i8]) {
     let size = photo.size;
-    let encoder = Encoder::new();
     let geometry = Geometry::new(size, photo.fov_deg);
     let row_len = size * INPUT_CHANNELS;
     let (gain, known) = photo.light_scale.map_or((1.0, to_i8(0)), |scale| (1.0 / scale, to_i8(255)));
@@ -91,7 +40,7 @@ pub(super) fn run(photo: &LinearImage<'_>, exec: &dyn Executor, out: &mut [i8]) 
             let colours = line(0).iter().zip(line(1)).zip(line(2));
             let pixels = out.as_chunks_mut::<INPUT_CHANNELS>().0.iter_mut();
             for (pixel, ((&r, &g), &b)) in pixels.zip(colours) {
-                let [r, g, b] = [r, g, b].map(|linear| to_i8(encoder.code(linear * gain)));
+                let [r, g, b] = [r, g, b].map(|linear| to_i8(srgb_code(linear * gain)));
                 [pixel[0], pixel[1], pixel[2]] = [r, g, b];
             }
             for (x, pixel) in out.as_chunks_mut::<INPUT_CHANNELS>().0.iter_mut().enumerate() {
@@ -107,33 +56,6 @@ mod tests {
     use crate::base::exec::Inline;
     use crate::frame::transfer::linear_to_srgb;
     use std::vec;
-
-    #[test]
-    fn codes_are_the_rounded_srgb_encoding() {
-        let encoder = Encoder::new();
-        for code in 0..=255_u8 {
-            assert_eq!(encoder.code(srgb_to_linear(f32::from(code) / 255.0)), code);
-        }
-        for i in 0..=100_000 {
-            let linear = i as f32 / 100_000.0;
-            let exact = linear_to_srgb(linear) * 255.0;
-            let code = f32::from(encoder.code(linear));
-            assert!((code - exact).abs() <= 0.5 + 1e-4, "{linear}: {code} for {exact}");
-        }
-        // By counting the steps at or below it, at and around every step and every interval's end.
-        let borders = (0..2 * BINS).map(|i| (i as f32 + 0.5) / (2 * BINS) as f32);
-        for border in borders.chain(encoder.steps.into_iter().take(255)) {
-            for linear in [border.next_down(), border, border.next_up()] {
-                let below = encoder.steps.iter().filter(|&&step| linear >= step).count();
-                assert_eq!(usize::from(encoder.code(linear)), below, "{linear}");
-            }
-        }
-        for (linear, code) in
-            [(-1.0, 0), (f32::NAN, 0), (7.0, 255), (f32::INFINITY, 255), (f32::NEG_INFINITY, 0)]
-        {
-            assert_eq!(encoder.code(linear), code);
-        }
-    }
 
     #[test]
     fn corners_have_their_coordinates() {

@@ -45,7 +45,8 @@ public final class CaptureOptions {
             return this;
         }
 
-        /** The photo was taken at a focal length of {@code mm}, 35 mm equivalent, as EXIF has it (1 to 5000). */
+        /** The photo was taken at a focal length of {@code mm}, 35 mm equivalent (8 to 5000; EXIF
+         * FocalLengthIn35mmFilm, not FocalLength). */
         @NonNull
         public Builder focalLength35mm(float mm) {
             fovKind = FOV_FOCAL;

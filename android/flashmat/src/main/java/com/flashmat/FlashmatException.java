@@ -98,7 +98,7 @@ public abstract class FlashmatException extends RuntimeException {
         }
     }
 
-    /** A known scale of the light outside 0.001 to 1000. No option of this API sets one yet. */
+    /** A known scale of the light ({@link CaptureOptions.Builder#lightScale}) outside 0.001 to 1000. */
     public static final class LightScale extends FlashmatException {
         private static final long serialVersionUID = 1L;
 
@@ -107,11 +107,20 @@ public abstract class FlashmatException extends RuntimeException {
         }
     }
 
-    /** A field of view outside 1 to 170 degrees, or a focal length outside 1 to 5000 mm. */
+    /** A field of view outside 1 to 170 degrees. */
     public static final class FieldOfView extends FlashmatException {
         private static final long serialVersionUID = 1L;
 
         FieldOfView(String message) {
+            super(message);
+        }
+    }
+
+    /** A focal length, 35 mm equivalent, outside 8 to 5000 mm: a phone's real one (4 to 9 mm), as a rule. */
+    public static final class FocalLength extends FlashmatException {
+        private static final long serialVersionUID = 1L;
+
+        FocalLength(String message) {
             super(message);
         }
     }
