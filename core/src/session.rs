@@ -86,6 +86,22 @@ impl<'m> Session<'m> {
         pipeline::run(&*self.engine, frame, options, &exec, &mut self.workspace, observer)
     }
 
+    /// As [`Session::capture`], and what `then` makes of the result on the session's threads ([`maps::encode`](crate::maps::encode)).
+    ///
+    /// # Errors
+    /// As [`pipeline::run`].
+    pub fn capture_then<T>(
+        &mut self,
+        frame: &Frame<'_>,
+        options: &CaptureOptions,
+        observer: &mut dyn Observer,
+        then: impl FnOnce(&Capture<'_>, &dyn Executor) -> T,
+    ) -> Result<T, Error> {
+        let exec = At::new(&*self.exec, self.simd);
+        let capture = pipeline::run(&*self.engine, frame, options, &exec, &mut self.workspace, observer)?;
+        Ok(then(&capture, &exec))
+    }
+
     /// The model.
     #[must_use]
     pub fn model(&self) -> &Model<'_> {

@@ -112,6 +112,67 @@ fn the_observer_sees_every_stage_in_order_and_can_stop_each() {
     }
 }
 
+/// Between two calls nothing large is done, so that a cancel does not wait: the CRFs tell of every step of their solvers.
+#[test]
+fn a_run_can_be_stopped_at_every_gap_of_its_progress() {
+    let data = photo();
+    let frame = Frame::rgb8(&data, SIDE, SIDE, 3 * SIDE).expect("a frame");
+    let pipeline = pipeline(Kernels::scalar());
+    let mut work = vec![0; pipeline.workspace_bytes()];
+    let mut calls: Vec<(Stage, f32)> = Vec::new();
+    let mut watch = |stage: Stage, fraction: f32| {
+        if let Some((last, before)) = calls.last() {
+            assert!(
+                stage > *last || stage == *last && fraction >= *before,
+                "{stage:?} {fraction} after {before}"
+            );
+        }
+        calls.push((stage, fraction));
+        ControlFlow::Continue(())
+    };
+    let capture = pipeline.run(&frame, &CaptureOptions::default(), &Inline, &mut work, &mut watch);
+    let steps = capture.expect("a capture").solver.map(|report| report.iterations);
+    for (stage, steps) in [Stage::CrfAlbedo, Stage::CrfNormal, Stage::CrfRoughness].into_iter().zip(steps) {
+        let told = calls.iter().filter(|(at, _)| *at == stage).count();
+        assert!(steps > 0 && told >= steps + 2, "{}: {told} calls in {steps} steps", stage.name());
+    }
+    assert_eq!(calls.last(), Some(&(Stage::CrfRoughness, 1.0)));
+    for (stop, call) in calls.iter().enumerate() {
+        let mut seen = 0;
+        let mut watch = |_: Stage, _: f32| {
+            seen += 1;
+            if seen > stop { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        };
+        let stopped = pipeline.run(&frame, &CaptureOptions::default(), &Inline, &mut work, &mut watch);
+        assert_eq!((stopped.err(), seen), (Some(Error::Cancelled), stop + 1), "{call:?}");
+    }
+}
+
+/// Half white beside half black, a channel burnt out all over, glitter on two of three pixels: each still shows something.
+#[test]
+fn photos_with_anything_left_are_taken_and_say_what_is_overexposed() {
+    let pipeline = pipeline(Kernels::scalar());
+    let mut work = vec![0; pipeline.workspace_bytes()];
+    let half = |i: usize, _: u8| if i / 3 % SIDE < SIDE / 2 { 0 } else { 255 };
+    let red = |i: usize, value: u8| if i.is_multiple_of(3) { 255 } else { value };
+    let glitter = |i: usize, value: u8| if (i / 3 * 7 + i / 300) % 3 < 2 { 255 } else { value };
+    let changed = |change: &dyn Fn(usize, u8) -> u8| -> Vec<u8> {
+        photo().into_iter().enumerate().map(|(i, value)| change(i, value)).collect()
+    };
+    let cases = [
+        (changed(&half), [0.5; 3], 0.01),
+        (changed(&red), [1.0, 0.0, 0.0], 0.01),
+        (changed(&glitter), [0.667; 3], 0.02),
+    ];
+    for (data, shares, within) in cases {
+        let frame = Frame::rgb8(&data, SIDE, SIDE, 3 * SIDE).expect("a frame");
+        let run = pipeline.run(&frame, &CaptureOptions::default(), &Inline, &mut work, &mut Silent);
+        let exposure = run.expect("a capture").photo.exposure;
+        let near = exposure.clipped.iter().zip(shares).all(|(got, share)| (got - share).abs() < within);
+        assert!(near && exposure.is_overexposed(), "{exposure:?}, {shares:?}");
+    }
+}
+
 #[test]
 fn a_workspace_one_byte_short_is_refused_and_the_stated_one_is_enough_at_any_address() {
     let data = photo();

@@ -7,7 +7,7 @@
 //! sizes alone.
 use crate::Error;
 use crate::base::simd::Simd;
-use core::ops::Range;
+use core::ops::{ControlFlow, Range};
 #[cfg(feature = "parallel")]
 use core::sync::atomic::{AtomicBool, Ordering};
 #[cfg(feature = "parallel")]
@@ -18,6 +18,9 @@ use std::{
 
 /// Rows per block that suit most stages: small enough to share out, large enough to hide the call.
 pub const ROWS_PER_BLOCK: usize = 8;
+
+/// Told how much of the work is done, \[0,1\], on the calling thread; may stop it, which is [`Error::Cancelled`].
+pub type Watch<'w> = &'w mut dyn FnMut(f32) -> ControlFlow<()>;
 
 /// Runs two closures, one after the other or at once; says which vector registers float loops may use.
 pub trait Executor: Sync {

@@ -33,7 +33,7 @@ mod vectors;
 pub use albedo::Albedo;
 pub use coefficients::Coefficients;
 pub use normal::Normal;
-pub use refine::{Energy, UNARY_FLOOR, derivative, inner, refine, workspace_bytes};
+pub use refine::{Energy, UNARY_FLOOR, derivative, inner, refine, refine_watched, workspace_bytes};
 pub use roughness::Roughness;
 pub use solver::{Options, Report};
 pub use unprojected::Unprojected;

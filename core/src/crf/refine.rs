@@ -2,13 +2,14 @@
 use super::coefficients::{normalised, through_normalisation};
 use super::feature::SIGMA_POSITION;
 use super::pairs::{Kernel, MAX_KERNELS};
-use super::solver::{Options, Report, VECTORS, solve};
+use super::solver::{Options, Report, VECTORS, solve, solve_watched};
 use super::system::{Kernels, System};
 use super::vectors::dot;
 use crate::Error;
 use crate::base::arena::{Arena, bytes_for};
-use crate::base::exec::{Executor, Inline};
+use crate::base::exec::{Executor, Inline, Watch, within};
 use crate::base::planes::check_planes;
+use core::ops::ControlFlow;
 
 /// Added to every pixel's unary weight (the coefficients' sum is 1), so that a pixel without a say of its own still
 /// has one solution.
@@ -16,7 +17,7 @@ pub const UNARY_FLOOR: f32 = 1e-4;
 
 /// What one of the paper's CRFs is made of. Its `N` coefficients are [`Energy::UNARIES`] unary ones, then kappa_1's,
 /// then one for each bilateral kernel.
-pub trait Energy<const N: usize> {
+pub trait Energy<const N: usize>: Sync {
     /// Planes of the map.
     const CHANNELS: usize;
     /// Unary terms, at least 1.
@@ -48,6 +49,9 @@ pub trait Energy<const N: usize> {
 /// Bytes of workspace that [`refine`] and [`derivative`] need for a map of `size` x `size`.
 #[must_use]
 pub fn workspace_bytes<E: Energy<N>, const N: usize>(size: usize) -> usize {
+    if size > crate::base::planes::MAX_SIZE {
+        return usize::MAX;
+    }
     let n2 = size.saturating_mul(size);
     bytes_for::<f32>(n2)
         .saturating_add(bytes_for::<f32>(n2.saturating_mul(E::CHANNELS)).saturating_mul(2))
@@ -77,19 +81,48 @@ pub fn refine<E: Energy<N>, const N: usize>(
     exec: &dyn Executor,
     arena: &mut Arena<'_>,
 ) -> Result<Report, Error> {
+    refine_watched(energy, coefficients, options, out, exec, arena, &mut |_| ControlFlow::Continue(()))
+}
+
+/// Share of the progress that the matrix takes.
+const ASSEMBLED: f32 = 0.4;
+
+/// [`refine`], which tells `watch` how far it is before every step of the solver.
+///
+/// # Errors
+/// As [`refine`], and [`Error::Cancelled`].
+pub fn refine_watched<E: Energy<N>, const N: usize>(
+    energy: &E,
+    coefficients: &[f32; N],
+    options: &Options,
+    out: &mut [f32],
+    exec: &dyn Executor,
+    arena: &mut Arena<'_>,
+    watch: Watch<'_>,
+) -> Result<Report, Error> {
     energy.check()?;
     check_planes(energy.size(), E::CHANNELS, out.len())?;
     let mut arena = arena.scope();
     let theta = normalised(coefficients);
     let vectors = arena.take(vectors_len::<E, N>(energy.size() * energy.size()))?;
     let unary = arena.take(energy.size() * energy.size())?;
-    unaries(energy, &theta, unary, vectors, out, exec);
     let rhs = arena.take(out.len())?;
-    multiply(unary, out, rhs);
-    let mut system = assemble(energy, unary, pairwise::<E, N>(&theta), vectors, exec, &mut arena)?;
+    within(exec, || {
+        unaries(energy, &theta, unary, vectors, out, exec);
+        multiply(unary, out, rhs);
+        Ok(())
+    })?;
+    let unary = &*unary;
+    let mut system = within(exec, || {
+        let mut system = assemble(energy, unary, pairwise::<E, N>(&theta), vectors, exec, &mut arena)?;
+        if system.has_pairwise() {
+            system.add_coarse(exec, &mut arena)?;
+        }
+        Ok(system)
+    })?;
     let report = if system.has_pairwise() {
-        system.add_coarse(exec, &mut arena)?;
-        solve(&mut system, rhs, out, options, exec, vectors)?
+        let mut watch = |part: f32| watch(ASSEMBLED + (1.0 - ASSEMBLED) * part);
+        solve_watched(&mut system, (rhs, out), options, exec, vectors, &mut watch)?
     } else {
         Report::default()
     };

@@ -6,11 +6,12 @@
 use super::coarse::Cells;
 use super::vectors::{MAX_CHANNELS, dot, tail, weighted_square};
 use crate::Error;
-use crate::base::exec::{Executor, Plane, ROWS_PER_BLOCK, for_each_row, for_each_row_block};
+use crate::base::exec::{Executor, Plane, ROWS_PER_BLOCK, Watch, for_each_row, for_each_row_block, within};
 use crate::base::lanes::LANES;
+use core::ops::ControlFlow;
 
 /// A symmetric positive definite matrix over the pixels of a square image, the same for every channel.
-pub trait Operator {
+pub trait Operator: Send {
     /// Pixels per side.
     fn size(&self) -> usize;
     /// `out` = A `x`, plane by plane.
@@ -72,6 +73,18 @@ pub fn solve(
     exec: &dyn Executor,
     vectors: &mut [f32],
 ) -> Result<Report, Error> {
+    solve_watched(operator, (rhs, x), options, exec, vectors, &mut |_| ControlFlow::Continue(()))
+}
+
+/// [`solve`], which tells `watch` after each of its steps; with many joins each, they run by [`within`].
+pub(super) fn solve_watched(
+    operator: &mut dyn Operator,
+    (rhs, x): (&[f32], &mut [f32]),
+    options: &Options,
+    exec: &dyn Executor,
+    vectors: &mut [f32],
+    watch: Watch<'_>,
+) -> Result<Report, Error> {
     let size = operator.size();
     let n2 = size.saturating_mul(size);
     let channels = x.len().checked_div(n2).unwrap_or(0);
@@ -87,54 +100,65 @@ pub fn solve(
         return Err(Error::PlaneLength { needed: VECTORS * x.len(), given: vectors.len() });
     };
 
-    operator.apply(x, q, exec);
-    for (r, (b, q)) in r.chunks_exact_mut(n2).zip(rhs.chunks_exact(n2).zip(q.chunks_exact(n2))) {
-        difference(b, q, r, size, exec);
-    }
     let mut state = [Channel::default(); MAX_CHANNELS];
-    for (index, (channel, (r, b))) in
-        state.iter_mut().zip(r.chunks_exact(n2).zip(rhs.chunks_exact(n2))).enumerate()
-    {
-        channel.rhs = square(operator, index, b, exec);
-        channel.residual = square(operator, index, r, exec);
-        if !channel.residual.is_finite() || !channel.rhs.is_finite() {
-            return Err(Error::CrfInput);
+    within(exec, || {
+        operator.apply(x, q, exec);
+        for (r, (b, q)) in r.chunks_exact_mut(n2).zip(rhs.chunks_exact(n2).zip(q.chunks_exact(n2))) {
+            difference(b, q, r, size, exec);
         }
-    }
-    for (index, (channel, (r, p))) in
-        state.iter().zip(r.chunks_exact(n2).zip(p.chunks_exact_mut(n2))).enumerate()
-    {
-        if channel.active(options) {
-            direction(r, operator, index, 0.0, p, exec);
-        } else {
-            p.fill(0.0);
+        for (index, (channel, (r, b))) in
+            state.iter_mut().zip(r.chunks_exact(n2).zip(rhs.chunks_exact(n2))).enumerate()
+        {
+            channel.rhs = square(operator, index, b, exec);
+            channel.residual = square(operator, index, r, exec);
+            if !channel.residual.is_finite() || !channel.rhs.is_finite() {
+                return Err(Error::CrfInput);
+            }
         }
-    }
+        for (index, (channel, (r, p))) in
+            state.iter().zip(r.chunks_exact(n2).zip(p.chunks_exact_mut(n2))).enumerate()
+        {
+            if channel.active(options) {
+                direction(r, operator, index, 0.0, p, exec);
+            } else {
+                p.fill(0.0);
+            }
+        }
+        Ok(())
+    })?;
     let mut iterations = 0;
     while iterations < options.max_iterations && state.iter().any(|c| c.active(options)) {
-        operator.apply(p, q, exec);
+        // How many there will be nobody knows: eight are half of it.
+        if watch(iterations as f32 / (iterations + 8) as f32).is_break() {
+            return Err(Error::Cancelled);
+        }
         iterations += 1;
-        let planes = p.chunks_exact_mut(n2).zip(q.chunks_exact(n2));
-        let unknowns = x.chunks_exact_mut(n2).zip(r.chunks_exact_mut(n2));
-        for (index, (channel, ((p, q), (x, r)))) in state.iter_mut().zip(planes.zip(unknowns)).enumerate() {
-            if !channel.active(options) {
-                continue;
-            }
-            let curvature = dot(p, q, size, exec);
-            let step = (channel.residual / curvature) as f32;
-            // Rounding alone can bring this about; the channel's best solution so far stands.
-            channel.stuck = curvature.is_nan() || curvature <= 0.0 || !step.is_finite();
-            if !channel.stuck {
-                advance(step, p, q, x, r, size, exec);
-                let before = channel.residual;
-                channel.residual = square(operator, index, r, exec);
-                if channel.active(options) {
-                    direction(r, operator, index, (channel.residual / before) as f32, p, exec);
+        within(exec, || {
+            operator.apply(p, q, exec);
+            let planes = p.chunks_exact_mut(n2).zip(q.chunks_exact(n2));
+            let unknowns = x.chunks_exact_mut(n2).zip(r.chunks_exact_mut(n2));
+            for (index, (channel, ((p, q), (x, r)))) in state.iter_mut().zip(planes.zip(unknowns)).enumerate()
+            {
+                if !channel.active(options) {
                     continue;
                 }
+                let curvature = dot(p, q, size, exec);
+                let step = (channel.residual / curvature) as f32;
+                // Rounding alone can bring this about; the channel's best solution so far stands.
+                channel.stuck = curvature.is_nan() || curvature <= 0.0 || !step.is_finite();
+                if !channel.stuck {
+                    advance(step, p, q, x, r, size, exec);
+                    let before = channel.residual;
+                    channel.residual = square(operator, index, r, exec);
+                    if channel.active(options) {
+                        direction(r, operator, index, (channel.residual / before) as f32, p, exec);
+                        continue;
+                    }
+                }
+                p.fill(0.0);
             }
-            p.fill(0.0);
-        }
+            Ok(())
+        })?;
     }
     let residual = state.iter().map(Channel::relative).fold(0.0, f64::max);
     Ok(Report { iterations, residual: residual as f32 })

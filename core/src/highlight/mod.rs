@@ -193,7 +193,7 @@ fn brightness(planes: &[f32], out: &mut [f32], exec: &dyn Executor) {
 /// Bytes of workspace that [`restore`] needs for maps of `size` x `size`.
 #[must_use]
 pub fn workspace_bytes(size: usize) -> usize {
-    if size > crate::frame::MAX_SIZE {
+    if size > crate::base::planes::MAX_SIZE {
         return usize::MAX;
     }
     let (seen, grid) = sizes(size);

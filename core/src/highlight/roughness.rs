@@ -22,7 +22,7 @@ const SPREAD: f32 = 0.2;
 /// Bytes of workspace that [`level_roughness`] needs for maps of `size` x `size`.
 #[must_use]
 pub fn level_roughness_bytes(size: usize) -> usize {
-    if size > crate::frame::MAX_SIZE {
+    if size > crate::base::planes::MAX_SIZE {
         return usize::MAX;
     }
     let (seen, grid) = sizes(size);

@@ -50,7 +50,7 @@ type Offsets = [[i8; 2]; CELLS];
 /// Bytes of workspace that [`retexture`] needs for maps of `size` x `size`.
 #[must_use]
 pub fn retexture_bytes(size: usize) -> usize {
-    if size > crate::frame::MAX_SIZE {
+    if size > crate::base::planes::MAX_SIZE {
         return usize::MAX;
     }
     let (seen, _) = sizes(size);

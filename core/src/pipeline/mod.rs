@@ -19,7 +19,8 @@ use crate::net::scales::Scales;
 use crate::net::{Class, ClassProbabilities, Inference, Model, Network};
 use crate::search::{self, Lights};
 use crate::{Error, Observer, Stage};
-use stages::First;
+use core::ops::ControlFlow;
+use stages::{First, Refined};
 
 /// What a caller may choose for one capture.
 #[derive(Clone, Copy, Debug)]
@@ -178,38 +179,42 @@ pub fn run<'a>(
     let run = stages::Run { photo, options, exec };
     let first = staged(observer, Stage::Net, |observer| First::infer(&run, engine, &mut arena, observer))?;
     let model = engine.model();
-    let (run, albedo) = staged(observer, Stage::CrfAlbedo, |_| {
-        within(exec, || {
-            let run = first.lit(&run, &mut arena)?;
-            let albedo = first.albedo(&run, model, &mut arena)?;
-            Ok((run, albedo))
-        })
+    let (run, albedo) = staged(observer, Stage::CrfAlbedo, |observer| {
+        let mut steps = Steps { observer, stage: Stage::CrfAlbedo };
+        let run = within(exec, || first.lit(&run, &mut arena))?;
+        steps.at(0.1)?;
+        let albedo = first.albedo(&run, model, &mut arena, &mut steps)?;
+        Ok((run, albedo))
     })?;
     let photo = run.photo;
-    let normal = staged(observer, Stage::CrfNormal, |_| within(exec, || albedo.normal(&run, &mut arena)))?;
-    let searched = staged(observer, Stage::Search, |_| within(exec, || normal.search(&run, &mut arena)))?;
-    let refined =
-        staged(observer, Stage::CrfRoughness, |_| within(exec, || searched.roughness(&run, &mut arena)))?;
-    let (classification, f0) = (refined.classification, refined.f0);
-    let observability = refined.observability;
-    let render = arena.take::<f32>(3 * size * size)?;
-    let maps = refined.maps;
-    let maps = Maps { size, albedo: maps.albedo, normal: maps.normal, roughness: maps.roughness };
-    let (lights, residual) = within(exec, || {
-        Ok((relight(&maps, f0, &photo, exec, render)?, search::residual(&photo, render, exec)?))
+    let normal = staged(observer, Stage::CrfNormal, |observer| {
+        albedo.normal(&run, &mut arena, &mut Steps { observer, stage: Stage::CrfNormal })
     })?;
-    Ok(Capture {
-        maps,
-        photo,
-        residual,
-        render,
-        observability,
-        class: options.class.unwrap_or_else(|| classification.predicted.best()),
-        probabilities: classification.predicted,
-        f0,
-        light_scale: lights.flash,
-        room_light: lights.room,
-        solver: refined.solver,
+    let searched = staged(observer, Stage::Search, |observer| {
+        normal.search(&run, &mut arena, &mut Steps { observer, stage: Stage::Search })
+    })?;
+    // The re-render belongs to the last stage: after its end nothing is left to do, and nothing to cancel.
+    staged(observer, Stage::CrfRoughness, |observer| {
+        let mut steps = Steps { observer, stage: Stage::CrfRoughness };
+        let Refined { maps, observability, classification, f0, solver } =
+            searched.roughness(&run, &mut arena, &mut steps)?;
+        let render = arena.take::<f32>(3 * size * size)?;
+        let maps = Maps { size, albedo: maps.albedo, normal: maps.normal, roughness: maps.roughness };
+        let lights = relight(&maps, f0, &photo, exec, render, &mut steps)?;
+        let residual = within(exec, || search::residual(&photo, render, exec))?;
+        Ok(Capture {
+            maps,
+            photo,
+            residual,
+            render,
+            observability,
+            class: options.class.unwrap_or_else(|| classification.predicted.best()),
+            probabilities: classification.predicted,
+            f0,
+            light_scale: lights.flash,
+            room_light: lights.room,
+            solver,
+        })
     })
 }
 
@@ -229,6 +234,28 @@ fn staged<T>(
     Ok(result)
 }
 
+/// Tells the observer, within one stage, what is done of it; asks it, on the thread that runs the capture, whether to go on.
+/// No step takes longer than some hundredths of a second at 1024² on one core.
+struct Steps<'o> {
+    observer: &'o mut dyn Observer,
+    stage: Stage,
+}
+
+impl Steps<'_> {
+    /// `fraction` of the stage is done.
+    ///
+    /// # Errors
+    /// [`Error::Cancelled`].
+    fn at(&mut self, fraction: f32) -> Result<(), Error> {
+        if self.observer.progress(self.stage, fraction).is_break() { Err(Error::Cancelled) } else { Ok(()) }
+    }
+
+    /// The progress of a part of the stage, from one fraction to another.
+    fn part(&mut self, from: f32, to: f32) -> impl FnMut(f32) -> ControlFlow<()> {
+        move |part| self.observer.progress(self.stage, from + (to - from) * part)
+    }
+}
+
 /// Renders the maps as the photo saw them, under flash and room; returns these lights.
 fn relight(
     maps: &Maps<'_>,
@@ -236,9 +263,12 @@ fn relight(
     photo: &LinearImage<'_>,
     exec: &dyn Executor,
     render: &mut [f32],
+    steps: &mut Steps<'_>,
 ) -> Result<Lights, Error> {
-    brdf::render(maps, f0, &Scene::of(photo), exec, render)?;
-    let lights = search::lights(photo, render, maps.albedo, exec)?;
+    within(exec, || brdf::render(maps, f0, &Scene::of(photo), exec, render))?;
+    steps.at(0.9)?;
+    let lights = within(exec, || search::lights(photo, render, maps.albedo, exec))?;
+    steps.at(0.95)?;
     for (value, albedo) in render.iter_mut().zip(maps.albedo) {
         *value = lights.flash * (*value + lights.room * albedo);
     }

@@ -6,7 +6,7 @@
 //! the pixels. The paper refines at its photos' 256² (docs/crf.md).
 use crate::Error;
 use crate::base::arena::{Arena, bytes_for};
-use crate::base::exec::Executor;
+use crate::base::exec::{Executor, Watch};
 use crate::base::resample::Pair;
 use crate::crf::{self, Energy};
 
@@ -35,11 +35,12 @@ pub(super) fn refine_at<E: Energy<N>, const N: usize>(
     (map, n): (&mut [f32], usize),
     exec: &dyn Executor,
     arena: &mut Arena<'_>,
+    watch: Watch<'_>,
 ) -> Result<crf::Report, Error> {
     let m = energy.size();
     let unary = energy.unary(0);
     let difference = arena.take(unary.len())?;
-    let report = crf::refine(energy, coefficients, options, difference, exec, arena)?;
+    let report = crf::refine_watched(energy, coefficients, options, difference, exec, arena, watch)?;
     difference.iter_mut().zip(unary).for_each(|(difference, unary)| *difference -= unary);
     let pair = Pair { n, m };
     for (difference, map) in difference.chunks_exact(m * m).zip(map.chunks_exact_mut(n * n)) {
@@ -84,8 +85,9 @@ mod tests {
         let mut memory = vec![0; workspace_bytes::<E, K>(N, 6) + crf::workspace_bytes::<E, K>(M) + (1 << 16)];
         let mut out = map.to_vec();
         let options = crf::Options::default();
-        refine_at(energy, &coefficients, &options, (&mut out, N), &Inline, &mut Arena::new(&mut memory))
-            .expect("fits");
+        let watch: Watch<'_> = &mut |_| core::ops::ControlFlow::Continue(());
+        let arena = &mut Arena::new(&mut memory);
+        refine_at(energy, &coefficients, &options, (&mut out, N), &Inline, arena, watch).expect("fits");
         let mut solution: Vec<f32> =
             Dense::new(energy, &coefficients).solve().into_iter().map(|x| x as f32).collect();
         energy.project(&mut solution);

@@ -3,10 +3,10 @@
 //! A refined map takes the place of the network's; without refinement each stage hands the maps on as they are, and the
 //! search is left out. Large photos are refined smaller (`reduced`).
 use super::reduced::{crf_size, refine_at};
-use super::{CaptureOptions, SolverReports};
+use super::{CaptureOptions, SolverReports, Steps};
 use crate::Error;
 use crate::base::arena::Arena;
-use crate::base::exec::Executor;
+use crate::base::exec::{Executor, Watch, within};
 use crate::base::resample::shrunk;
 use crate::brdf::{self, Light, Scene};
 use crate::crf::{self, Albedo, Coefficients, Energy, Normal, Roughness};
@@ -88,6 +88,7 @@ impl<'a> First<'a> {
         run: &Run<'_, 'a>,
         model: &Model<'_>,
         arena: &mut Arena<'a>,
+        steps: &mut Steps<'_>,
     ) -> Result<WithAlbedo<'a>, Error> {
         let Self { mut maps, classification } = self;
         let sets = Class::ALL.map(|class| Coefficients::from_array(&model.crf(class)));
@@ -96,20 +97,25 @@ impl<'a> First<'a> {
         let (n, m) = (maps.size, crf_size(maps.size));
         let f0 = brdf::f0(classification.used.of(Class::Metal));
         if run.options.refine {
-            highlight::restore(&run.photo, &mut maps, f0, run.exec, arena)?;
+            within(run.exec, || highlight::restore(&run.photo, &mut maps, f0, run.exec, arena))?;
+            steps.at(0.2)?;
         }
         if run.options.refine && m < n {
             let mut arena = arena.scope();
             let photo = shrunk(run.photo.rgb, n, m, run.exec, &mut arena)?;
             let albedo = shrunk(maps.albedo, n, m, run.exec, &mut arena)?;
             let energy = Albedo { size: m, photo, albedo };
-            solver[0] = refined_smaller(&energy, &coefficients.albedo, run, maps.albedo, &mut arena)?;
+            let mut watch = steps.part(0.2, 0.8);
+            solver[0] =
+                refined_smaller(&energy, &coefficients.albedo, run, maps.albedo, &mut arena, &mut watch)?;
         } else if run.options.refine {
             let energy = Albedo { size: n, photo: run.photo.rgb, albedo: maps.albedo };
-            (maps.albedo, solver[0]) = refined(&energy, &coefficients.albedo, run, arena)?;
+            let mut watch = steps.part(0.2, 0.8);
+            (maps.albedo, solver[0]) = refined(&energy, &coefficients.albedo, run, arena, &mut watch)?;
         }
         if run.options.refine {
-            highlight::retexture(&run.photo, &mut maps, f0, run.exec, arena)?;
+            steps.at(0.8)?;
+            within(run.exec, || highlight::retexture(&run.photo, &mut maps, f0, run.exec, arena))?;
         }
         Ok(WithAlbedo { maps, classification, f0, coefficients, solver })
     }
@@ -121,9 +127,10 @@ fn refined<'a, E: Energy<N>, const N: usize>(
     coefficients: &[f32; N],
     run: &Run<'_, 'a>,
     arena: &mut Arena<'a>,
+    watch: Watch<'_>,
 ) -> Result<(&'a mut [f32], crf::Report), Error> {
     let out = arena.take(energy.unary(0).len())?;
-    let report = crf::refine(energy, coefficients, &run.options.solver, out, run.exec, arena)?;
+    let report = crf::refine_watched(energy, coefficients, &run.options.solver, out, run.exec, arena, watch)?;
     Ok((out, report))
 }
 
@@ -134,8 +141,9 @@ fn refined_smaller<E: Energy<N>, const N: usize>(
     run: &Run<'_, '_>,
     map: &mut [f32],
     arena: &mut Arena<'_>,
+    watch: Watch<'_>,
 ) -> Result<crf::Report, Error> {
-    refine_at(energy, coefficients, &run.options.solver, (map, run.photo.size), run.exec, arena)
+    refine_at(energy, coefficients, &run.options.solver, (map, run.photo.size), run.exec, arena, watch)
 }
 
 impl<'a> WithAlbedo<'a> {
@@ -143,7 +151,9 @@ impl<'a> WithAlbedo<'a> {
         mut self,
         run: &Run<'_, 'a>,
         arena: &mut Arena<'a>,
+        steps: &mut Steps<'_>,
     ) -> Result<WithNormal<'a>, Error> {
+        let mut watch = steps.part(0.0, 1.0);
         let maps = &mut self.maps;
         let (n, m) = (maps.size, crf_size(maps.size));
         if run.options.refine && m < n {
@@ -151,18 +161,30 @@ impl<'a> WithAlbedo<'a> {
             let normal = shrunk(maps.normal, n, m, run.exec, &mut arena)?;
             let albedo = shrunk(maps.albedo, n, m, run.exec, &mut arena)?;
             let energy = Normal { size: m, normal, albedo };
-            self.solver[1] =
-                refined_smaller(&energy, &self.coefficients.normal, run, maps.normal, &mut arena)?;
+            self.solver[1] = refined_smaller(
+                &energy,
+                &self.coefficients.normal,
+                run,
+                maps.normal,
+                &mut arena,
+                &mut watch,
+            )?;
         } else if run.options.refine {
             let energy = Normal { size: n, normal: maps.normal, albedo: maps.albedo };
-            (maps.normal, self.solver[1]) = refined(&energy, &self.coefficients.normal, run, arena)?;
+            (maps.normal, self.solver[1]) =
+                refined(&energy, &self.coefficients.normal, run, arena, &mut watch)?;
         }
         Ok(WithNormal(self))
     }
 }
 
 impl<'a> WithNormal<'a> {
-    pub(super) fn search(self, run: &Run<'_, 'a>, arena: &mut Arena<'a>) -> Result<Searched<'a>, Error> {
+    pub(super) fn search(
+        self,
+        run: &Run<'_, 'a>,
+        arena: &mut Arena<'a>,
+        steps: &mut Steps<'_>,
+    ) -> Result<Searched<'a>, Error> {
         let Self(before) = self;
         let MapsMut { size, ref albedo, ref normal, ref roughness } = before.maps;
         let f0 = before.f0;
@@ -174,16 +196,27 @@ impl<'a> WithNormal<'a> {
         let mut scope = arena.scope();
         let render = scope.take::<f32>(3 * size * size)?;
         let scene = Scene::of(&run.photo);
-        brdf::render(&Maps { size, albedo, normal, roughness }, f0, &scene, run.exec, render)?;
-        let strength = search::light_scale(&run.photo, render, run.exec)?;
+        let maps = Maps { size, albedo, normal, roughness };
+        let strength = within(run.exec, || {
+            brdf::render(&maps, f0, &scene, run.exec, render)?;
+            search::light_scale(&run.photo, render, run.exec)
+        })?;
+        steps.at(0.2)?;
         let light = Light { strength, ..scene.light };
-        search::roughness(&run.photo, albedo, normal, f0, &light, run.exec, found, seen)?;
+        let mut watch = steps.part(0.2, 1.0);
+        let out = (&mut *found, &mut *seen);
+        search::roughness_watched(&run.photo, (albedo, normal), f0, &light, run.exec, out, &mut watch)?;
         Ok(Searched { before, roughness: Some(found), observability: seen })
     }
 }
 
 impl<'a> Searched<'a> {
-    pub(super) fn roughness(self, run: &Run<'_, 'a>, arena: &mut Arena<'a>) -> Result<Refined<'a>, Error> {
+    pub(super) fn roughness(
+        self,
+        run: &Run<'_, 'a>,
+        arena: &mut Arena<'a>,
+        steps: &mut Steps<'_>,
+    ) -> Result<Refined<'a>, Error> {
         let WithAlbedo { mut maps, classification, f0, coefficients, mut solver } = self.before;
         let (n, m) = (maps.size, crf_size(maps.size));
         let observability = self.observability;
@@ -201,7 +234,15 @@ impl<'a> Searched<'a> {
             let search = shrunk(search, n, m, run.exec, &mut arena)?;
             search.iter_mut().zip(&*seen).for_each(|(found, seen)| *found /= seen.max(1e-6));
             let energy = Roughness { size: m, photo, albedo, network, search, observability: Some(seen) };
-            solver[2] = refined_smaller(&energy, &coefficients.roughness, run, maps.roughness, &mut arena)?;
+            let mut watch = steps.part(0.0, 0.7);
+            solver[2] = refined_smaller(
+                &energy,
+                &coefficients.roughness,
+                run,
+                maps.roughness,
+                &mut arena,
+                &mut watch,
+            )?;
         } else {
             let energy = Roughness {
                 size: n,
@@ -211,9 +252,12 @@ impl<'a> Searched<'a> {
                 search,
                 observability: Some(observability),
             };
-            (maps.roughness, solver[2]) = refined(&energy, &coefficients.roughness, run, arena)?;
+            let mut watch = steps.part(0.0, 0.7);
+            (maps.roughness, solver[2]) = refined(&energy, &coefficients.roughness, run, arena, &mut watch)?;
         }
-        highlight::level_roughness(&run.photo, &mut maps, f0, run.exec, arena)?;
+        steps.at(0.7)?;
+        within(run.exec, || highlight::level_roughness(&run.photo, &mut maps, f0, run.exec, arena))?;
+        steps.at(0.8)?;
         Ok(Refined { maps, observability, classification, f0, solver })
     }
 }

@@ -32,7 +32,7 @@ const ROUNDS: usize = 12;
 /// Bytes of workspace that [`flash_position`] needs for maps of `size` x `size`.
 #[must_use]
 pub fn flash_position_bytes(size: usize) -> usize {
-    if size > crate::frame::MAX_SIZE {
+    if size > crate::base::planes::MAX_SIZE {
         return usize::MAX;
     }
     let (plane, small) = (size.saturating_mul(size), size.min(SIDE) * size.min(SIDE));

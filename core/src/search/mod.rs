@@ -15,7 +15,7 @@ pub use exposure::{Lights, check_exposure, light_scale, lights, residual};
 pub use flash::{flash_position, flash_position_bytes};
 
 use crate::Error;
-use crate::base::exec::{Executor, Plane, ROWS_PER_BLOCK, for_each_row_block};
+use crate::base::exec::{Executor, Plane, ROWS_PER_BLOCK, Rows, Watch, for_each_row_block, within};
 use crate::base::lanes::{LANES, Lanes, load3, store, unset};
 use crate::base::math::approx::sqrt;
 use crate::base::planes::check_planes;
@@ -23,6 +23,7 @@ use crate::brdf::{Angles, Incident, Light, Scene, ggx};
 use crate::frame::LinearImage;
 use crate::frame::geometry::Geometry;
 use core::f32::consts::PI;
+use core::ops::ControlFlow;
 use glam::Vec3;
 
 /// Values of the coarse grid: 1/16, 2/16 … 1. The fine grid has as many, 1/128 apart, around the best of them.
@@ -55,6 +56,23 @@ pub fn roughness(
     roughness: &mut [f32],
     observability: &mut [f32],
 ) -> Result<(), Error> {
+    let out = (roughness, observability);
+    roughness_watched(photo, (albedo, normal), f0, light, exec, out, &mut |_| ControlFlow::Continue(()))
+}
+
+/// Pixels that are searched between two calls of the watcher, in whole row blocks.
+const STRIP: usize = 1 << 18;
+
+/// [`roughness`], which tells `watch` after every strip of rows.
+pub(crate) fn roughness_watched(
+    photo: &LinearImage<'_>,
+    (albedo, normal): (&[f32], &[f32]),
+    f0: f32,
+    light: &Light,
+    exec: &dyn Executor,
+    (roughness, observability): (&mut [f32], &mut [f32]),
+    watch: Watch<'_>,
+) -> Result<(), Error> {
     let n = photo.size;
     photo.check()?;
     Scene { fov_deg: photo.fov_deg, light: *light }.check()?;
@@ -63,11 +81,41 @@ pub fn roughness(
     check_planes(n, 1, roughness.len())?;
     check_planes(n, 1, observability.len())?;
     let geometry = Geometry::new(n, photo.fov_deg);
-    let out = (Plane::new(roughness, n), Plane::new(observability, n));
-    for_each_row_block(exec, n, ROWS_PER_BLOCK, out, &|range, (mut found, mut seen)| {
+    let strip = (STRIP / n).next_multiple_of(ROWS_PER_BLOCK).max(ROWS_PER_BLOCK);
+    let mut rest = (Plane::new(roughness, n), Plane::new(observability, n));
+    for first in (0..n).step_by(strip) {
+        let (out, more) = rest.split_rows(strip);
+        rest = more;
+        let rows = strip.min(n - first);
+        within(exec, || {
+            search_rows(photo, (albedo, normal), f0, light, &geometry, exec, (first, rows), out);
+            Ok(())
+        })?;
+        if watch((first + rows) as f32 / n as f32).is_break() {
+            return Err(Error::Cancelled);
+        }
+    }
+    Ok(())
+}
+
+/// [`roughness`] of `rows` rows from `first` on; the outputs begin there.
+#[expect(clippy::too_many_arguments, reason = "as `roughness`, and which rows")]
+fn search_rows(
+    photo: &LinearImage<'_>,
+    (albedo, normal): (&[f32], &[f32]),
+    f0: f32,
+    light: &Light,
+    geometry: &Geometry,
+    exec: &dyn Executor,
+    (first, rows): (usize, usize),
+    out: (Plane<'_, f32>, Plane<'_, f32>),
+) {
+    let n = photo.size;
+    for_each_row_block(exec, rows, ROWS_PER_BLOCK, out, &|range, (mut found, mut seen)| {
         exec.simd().run(
             #[inline(always)]
             || {
+                let range = range.start + first..range.end + first;
                 for (row, (found, seen)) in range.zip(found.rows().zip(seen.rows())) {
                     let clipped = photo.clipped.get(row * n..(row + 1) * n).unwrap_or(&[]);
                     for start in (0..n).step_by(LANES) {
@@ -88,7 +136,6 @@ pub fn roughness(
             },
         );
     });
-    Ok(())
 }
 
 /// A run of pixels, with all that does not depend on the roughness worked out.
