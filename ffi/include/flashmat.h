@@ -25,9 +25,19 @@
 #define FLASHMAT_VERSION_PATCH 0
 
 /**
+ * In photo_flags: more than a tenth of the photo's pixels are overexposed in a channel, the maps suffer.
+ */
+#define FLASHMAT_PHOTO_OVEREXPOSED 1
+
+/**
+ * In photo_flags: what is not overexposed is so dark (below a hundredth of white) that 8 bits are coarser than it.
+ */
+#define FLASHMAT_PHOTO_DARK 2
+
+/**
  * Version of the ABI of this header: it grows when functions, fields or numbers are added. What was there stays.
  */
-#define FLASHMAT_ABI_VERSION 2
+#define FLASHMAT_ABI_VERSION 3
 
 /**
  * What became of a call. Numbers never change their meaning; new ones are added at the end, so treat a number that
@@ -131,7 +141,7 @@ enum flashmat_status
      */
     FLASHMAT_STATUS_FRAME_PIXEL = 22,
     /**
-     * A field of view outside 1 to 170 degrees, or a focal length outside 1 to 5000 mm.
+     * A field of view outside 1 to 170 degrees, or a focal length outside 8 to 5000 mm (35 mm equivalent).
      */
     FLASHMAT_STATUS_FIELD_OF_VIEW = 23,
     /**
@@ -652,7 +662,8 @@ typedef struct flashmat_capture_options {
      */
     float photo_fov_deg;
     /**
-     * Focal length of the photo in mm, 35 mm equivalent (EXIF FocalLengthIn35mmFilm); 0: not known.
+     * Focal length of the photo in mm, 35 mm equivalent (EXIF FocalLengthIn35mmFilm, not FocalLength), 8 to 5000; 0:
+     * not known.
      */
     float focal_35mm;
     /**
@@ -788,6 +799,18 @@ typedef struct flashmat_report {
      * right, y up, the camera at (0,0,1).
      */
     float flash[3];
+    /**
+     * Share of the photo's own pixels, within the square, that are overexposed in red, green and blue, in [0,1].
+     */
+    float overexposed[3];
+    /**
+     * Mean linear light of what is not overexposed, in [0,1].
+     */
+    float brightness;
+    /**
+     * What is wrong with the photo: FLASHMAT_PHOTO_OVEREXPOSED and FLASHMAT_PHOTO_DARK, added up.
+     */
+    uint32_t photo_flags;
 } flashmat_report;
 
 /**
@@ -858,8 +881,9 @@ flashmat_status flashmat_capture(struct flashmat_engine *engine,
  * Stops the capture that runs on the engine in another thread: it returns CANCELLED within a few milliseconds to tens
  * of them, and writes no results. Does not wait for that.
  *
- * Returns IDLE, and does nothing, when no capture runs: one that is about to start is not affected. To cancel without
- * that race, return a number other than 0 from the progress function, which is called before any work is done.
+ * Returns IDLE, and does nothing, when no capture runs: one that is about to start, or that writes its results
+ * already, is not affected. OK means that the capture will return CANCELLED, whatever it is at. To cancel without that
+ * race, return a number other than 0 from the progress function, which is called before any work is done.
  * Threads: any; touches one atomic.
  * Errors: NULL_POINTER, IDLE.
  */

@@ -125,11 +125,14 @@ pub extern "C" fn flashmat_capture(
         let chosen = input::capture_options(options.as_ref())?;
         let mut outputs = Outputs::new(&ptr::read_struct(maps, "maps")?, size)?;
         let report = OutStruct::optional(report, "report")?;
-        handle::run(engine, |session, stop| {
-            let capture = session.capture(&frame, &chosen, &mut Progress { options, stop })?;
-            outputs.write(&capture)?;
-            report.write(&output::report(&capture));
-            Ok(())
+        handle::run(engine, |session, control| {
+            let mut progress = Progress { options, stop: || control.stop() };
+            session.capture_then(&frame, &chosen, &mut progress, |capture, exec| {
+                control.commit()?;
+                outputs.write(capture, exec)?;
+                report.write(&output::report(capture));
+                Ok(())
+            })?
         })
     })
 }
@@ -137,8 +140,9 @@ pub extern "C" fn flashmat_capture(
 /// Stops the capture that runs on the engine in another thread: it returns CANCELLED within a few milliseconds to tens
 /// of them, and writes no results. Does not wait for that.
 ///
-/// Returns IDLE, and does nothing, when no capture runs: one that is about to start is not affected. To cancel without
-/// that race, return a number other than 0 from the progress function, which is called before any work is done.
+/// Returns IDLE, and does nothing, when no capture runs: one that is about to start, or that writes its results
+/// already, is not affected. OK means that the capture will return CANCELLED, whatever it is at. To cancel without that
+/// race, return a number other than 0 from the progress function, which is called before any work is done.
 /// Threads: any; touches one atomic.
 /// Errors: NULL_POINTER, IDLE.
 #[unsafe(no_mangle)]

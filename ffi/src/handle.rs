@@ -1,7 +1,8 @@
 //! The engine behind its opaque handle: who may use it when, and when its memory goes.
 //!
-//! One atomic says what goes on. `IDLE` -> `RUNNING` (a capture) -> `CANCELLING` (flashmat_cancel) -> `IDLE`; from any
-//! of them `DOOMED` (flashmat_engine_destroy). Whoever leaves last frees: destroy if the engine was idle, else the
+//! One atomic says what goes on. `IDLE` -> `RUNNING` (a capture) -> `WRITING` (its results) -> `IDLE`, or `RUNNING` ->
+//! `CANCELLING` (flashmat_cancel) -> `IDLE`: a capture that was cancelled cannot write, one that writes cannot be cancelled.
+//! From any of them `DOOMED` (flashmat_engine_destroy). Whoever leaves last frees: destroy if the engine was idle, else the
 //! capture at its end. The session lies in a mutex that is never waited for; a panic poisons it.
 #![expect(unsafe_code, reason = "the border to C: handles")]
 
@@ -21,6 +22,7 @@ const IDLE: u32 = 0;
 const RUNNING: u32 = 1;
 const CANCELLING: u32 = 2;
 const DOOMED: u32 = 3;
+const WRITING: u32 = 4;
 
 self_cell!(
     /// A session and the model bytes that it reads.
@@ -152,17 +154,33 @@ impl Drop for Running {
     }
 }
 
-/// Runs `work` with the engine's session, alone. Its last argument says whether somebody wants it to stop.
+/// What a capture asks of its engine's state.
+#[derive(Clone, Copy)]
+pub(crate) struct Control<'a>(&'a AtomicU32);
+
+impl Control<'_> {
+    /// Whether somebody wants it to stop.
+    pub(crate) fn stop(self) -> bool {
+        self.0.load(Ordering::Acquire) != RUNNING
+    }
+
+    /// The last moment at which it can be stopped: from here on its results are written.
+    pub(crate) fn commit(self) -> Result<(), Failure> {
+        let state = self.0.compare_exchange(RUNNING, WRITING, Ordering::AcqRel, Ordering::Acquire);
+        state.map(drop).map_err(|_| flashmat_core::Error::Cancelled.into())
+    }
+}
+
+/// Runs `work` with the engine's session, alone.
 pub(crate) fn run(
     engine: *mut flashmat_engine,
-    work: impl FnOnce(&mut Session<'_>, &dyn Fn() -> bool) -> Result<(), Failure>,
+    work: impl FnOnce(&mut Session<'_>, Control<'_>) -> Result<(), Failure>,
 ) -> Result<(), Failure> {
     let running = Running::start(engine)?;
     let engine = running.engine();
     // Alone, so the lock is free, if no panic poisoned it.
     let mut session = engine.session.try_lock().map_err(|_| Failure::plain(Status::Poisoned))?;
-    session
-        .with_dependent_mut(|_, session| work(session, &|| engine.state.load(Ordering::Acquire) != RUNNING))
+    session.with_dependent_mut(|_, session| work(session, Control(&engine.state)))
 }
 
 #[cfg(test)]
@@ -190,13 +208,36 @@ mod tests {
         destroy(good);
     }
 
+    /// At no moment both: the cancel accepted and the capture written.
+    #[test]
+    fn a_cancel_that_is_accepted_stops_the_capture() {
+        let engine = engine();
+        let status = guard(|| {
+            run(engine, |_, control| {
+                cancel(engine)?;
+                assert!(control.stop());
+                control.commit()
+            })
+        });
+        assert_eq!(status, Status::Cancelled);
+        let status = guard(|| {
+            run(engine, |_, control| {
+                control.commit()?;
+                cancel(engine)
+            })
+        });
+        assert_eq!(status, Status::Idle, "too late, and says so");
+        assert_eq!(guard(|| run(engine, |_, control| control.commit())), Status::Ok);
+        destroy(engine);
+    }
+
     #[test]
     fn a_panic_in_a_doomed_engine_frees_it() {
         let engine = engine();
         let status = guard(|| {
-            run(engine, |_, stop| {
+            run(engine, |_, control| {
                 destroy(engine);
-                assert!(!stop(), "on purpose: it is to stop");
+                assert!(!control.stop(), "on purpose: it is to stop");
                 Ok(())
             })
         });

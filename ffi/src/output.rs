@@ -3,10 +3,13 @@ use crate::failure::Failure;
 use crate::input;
 use crate::ptr::OutBuffer;
 use crate::status::flashmat_status as Status;
-use crate::types::{flashmat_buffer, flashmat_map_format, flashmat_maps, flashmat_report, flashmat_solver};
+use crate::types::{
+    FLASHMAT_PHOTO_DARK, FLASHMAT_PHOTO_OVEREXPOSED, flashmat_buffer, flashmat_map_format, flashmat_maps,
+    flashmat_report, flashmat_solver,
+};
 use bytemuck::Pod;
-use flashmat_core::frame::transfer::linear_to_srgb;
-use flashmat_core::maps::{self, Maps};
+use flashmat_core::base::exec::Executor;
+use flashmat_core::maps::{self, Coding};
 use flashmat_core::pipeline::Capture;
 
 /// Where a capture's results go, checked before the work is done.
@@ -53,7 +56,7 @@ impl Outputs<'_> {
         }
     }
 
-    pub(crate) fn write(&mut self, capture: &Capture<'_>) -> Result<(), Failure> {
+    pub(crate) fn write(&mut self, capture: &Capture<'_>, exec: &dyn Executor) -> Result<(), Failure> {
         let m = &capture.maps;
         match self {
             Self::F32(buffers) => {
@@ -72,37 +75,29 @@ impl Outputs<'_> {
                 }
                 Ok(())
             }
-            Self::U8([albedo, normal, roughness, render, photo, observability]) => {
-                let srgb = |planes, row, out: &mut [u8]| {
-                    maps::encode_rgb_row(planes, m.size, row, out, linear_to_srgb)
-                };
-                rows(albedo, m.size, |row, out| m.albedo_row(row, out))?;
-                rows(normal, m.size, |row, out| m.normal_row(row, out))?;
-                rows(roughness, m.size, |row, out| m.roughness_row(row, out))?;
-                rows(render, m.size, |row, out| srgb(capture.render, row, out))?;
-                rows(photo, m.size, |row, out| srgb(capture.photo.rgb, row, out))?;
-                let grey = Maps { roughness: capture.observability, ..*m };
-                rows(observability, m.size, |row, out| grey.roughness_row(row, out))
+            Self::U8(buffers) => {
+                let results = [
+                    (m.albedo, Coding::Srgb),
+                    (m.normal, Coding::Signed),
+                    (m.roughness, Coding::Linear),
+                    (capture.render, Coding::Srgb),
+                    (capture.photo.rgb, Coding::Srgb),
+                    (capture.observability, Coding::Linear),
+                ];
+                for (buffer, (planes, coding)) in buffers.iter_mut().zip(results) {
+                    if let Some(out) = buffer.as_mut() {
+                        maps::encode(planes, m.size, coding, exec, out)?;
+                    }
+                }
+                Ok(())
             }
         }
     }
 }
 
-fn rows(
-    buffer: &mut OutBuffer<'_, u8>,
-    size: usize,
-    encode: impl Fn(usize, &mut [u8]) -> Result<(), flashmat_core::Error>,
-) -> Result<(), Failure> {
-    let Some(out) = buffer.as_mut() else { return Ok(()) };
-    let width = out.len() / size.max(1);
-    for (row, out) in out.chunks_exact_mut(width.max(1)).enumerate() {
-        encode(row, out)?;
-    }
-    Ok(())
-}
-
 /// The report of a capture.
 pub(crate) fn report(capture: &Capture<'_>) -> flashmat_report {
+    let exposure = &capture.photo.exposure;
     flashmat_report {
         struct_size: 0,
         material_class: input::class_code(capture.class),
@@ -117,5 +112,9 @@ pub(crate) fn report(capture: &Capture<'_>) -> flashmat_report {
         }),
         room_light: capture.room_light,
         flash: capture.photo.flash.to_array(),
+        overexposed: exposure.clipped,
+        brightness: exposure.brightness,
+        photo_flags: if exposure.is_overexposed() { FLASHMAT_PHOTO_OVEREXPOSED } else { 0 }
+            | if exposure.is_dark() { FLASHMAT_PHOTO_DARK } else { 0 },
     }
 }

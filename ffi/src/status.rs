@@ -53,7 +53,7 @@ pub enum flashmat_status {
     FrameBuffer = 21,
     /// A float pixel is NaN, infinite or negative.
     FramePixel = 22,
-    /// A field of view outside 1 to 170 degrees, or a focal length outside 1 to 5000 mm.
+    /// A field of view outside 1 to 170 degrees, or a focal length outside 8 to 5000 mm (35 mm equivalent).
     FieldOfView = 23,
     /// Every pixel of the photo is overexposed.
     NoUsablePixels = 24,

@@ -250,7 +250,8 @@ pub struct flashmat_capture_options {
     pub skip_refinement: u32,
     /// Field of view of the photo over its shorter side, in degrees; 0: not known, or given by the focal length.
     pub photo_fov_deg: f32,
-    /// Focal length of the photo in mm, 35 mm equivalent (EXIF FocalLengthIn35mmFilm); 0: not known.
+    /// Focal length of the photo in mm, 35 mm equivalent (EXIF FocalLengthIn35mmFilm, not FocalLength), 8 to 5000; 0:
+    /// not known.
     pub focal_35mm: f32,
     /// Field of view to crop the photo to, in degrees; 0: 43.35, for which the network was trained.
     pub target_fov_deg: f32,
@@ -306,6 +307,11 @@ pub struct flashmat_solver {
     pub residual: f32,
 }
 
+/// In photo_flags: more than a tenth of the photo's pixels are overexposed in a channel, the maps suffer.
+pub const FLASHMAT_PHOTO_OVEREXPOSED: u32 = 1;
+/// In photo_flags: what is not overexposed is so dark (below a hundredth of white) that 8 bits are coarser than it.
+pub const FLASHMAT_PHOTO_DARK: u32 = 2;
+
 /// What a capture found, beside the maps.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
@@ -333,6 +339,12 @@ pub struct flashmat_report {
     /// Where the re-render's flash is, fitted to the photo: x, y, z in plane units. The plane is z = 0, x to the
     /// right, y up, the camera at (0,0,1).
     pub flash: [f32; 3],
+    /// Share of the photo's own pixels, within the square, that are overexposed in red, green and blue, in [0,1].
+    pub overexposed: [f32; 3],
+    /// Mean linear light of what is not overexposed, in [0,1].
+    pub brightness: f32,
+    /// What is wrong with the photo: FLASHMAT_PHOTO_OVEREXPOSED and FLASHMAT_PHOTO_DARK, added up.
+    pub photo_flags: u32,
 }
 
 macro_rules! layout {
@@ -360,6 +372,6 @@ layout!(flashmat_buffer: 8, 16, data at 0, 0; bytes at 4, 8);
 layout!(flashmat_maps: 56, 104, struct_size at 0, 0; format at 4, 4; albedo at 8, 8; normal at 16, 24;
     roughness at 24, 40; render at 32, 56; photo at 40, 72; observability at 48, 88);
 layout!(flashmat_solver: 8, 8, iterations at 0, 0; residual at 4, 4);
-layout!(flashmat_report: 96, 96, struct_size at 0, 0; material_class at 4, 4; probabilities at 8, 8;
+layout!(flashmat_report: 116, 116, struct_size at 0, 0; material_class at 4, 4; probabilities at 8, 8;
     light_scale at 40, 40; residual at 44, 44; f0 at 48, 48; fov_deg at 52, 52; solver at 56, 56;
-    room_light at 80, 80; flash at 84, 84);
+    room_light at 80, 80; flash at 84, 84; overexposed at 96, 96; brightness at 108, 108; photo_flags at 112, 112);

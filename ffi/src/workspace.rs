@@ -89,7 +89,7 @@ pub extern "C" fn flashmat_capture_in(
         let memory = ptr::workspace(workspace, workspace_bytes, &others(&model, &c_frame, &c_maps, report))?;
         let mut observer = Progress { options, stop: || false };
         let capture = pipeline.run(&frame, &chosen, &Inline, memory, &mut observer)?;
-        outputs.write(&capture)?;
+        outputs.write(&capture, &Inline)?;
         out.write(&output::report(&capture));
         Ok(())
     })

@@ -49,6 +49,47 @@ fn versions_agree_with_the_package() {
     assert!(cmake.contains(&format!("set(PACKAGE_VERSION \"{}\")", env!("CARGO_PKG_VERSION"))), "{cmake}");
 }
 
+/// What programs are compiled with: the header's structs, enumerations and functions, without comments and versions.
+fn compiled() -> String {
+    let mut out = String::new();
+    let mut comment = false;
+    for line in committed().lines().map(str::trim) {
+        comment |= line.starts_with("/*");
+        let counts = !comment && !line.is_empty() && !line.starts_with("#define FLASHMAT_VERSION");
+        if counts && !line.starts_with("#define FLASHMAT_ABI_VERSION") {
+            out.push_str(line);
+            out.push('\n');
+        }
+        comment &= !line.ends_with("*/");
+    }
+    out
+}
+
+/// FNV-1a, 64 bits.
+fn hash(text: &str) -> u64 {
+    text.bytes()
+        .fold(0xcbf2_9ce4_8422_2325, |hash, byte| (hash ^ u64::from(byte)).wrapping_mul(0x100_0000_01b3))
+}
+
+/// Layouts and numbers cannot change while the version stands still: each version has its hash.
+#[test]
+fn the_abi_version_grows_with_what_programs_are_compiled_with() {
+    let this = (flashmat::flashmat_abi_version(), hash(&compiled()));
+    assert!(
+        compiled().contains("float light_scale;") && !compiled().contains("sizeof"),
+        "comments are left out"
+    );
+    assert_eq!(
+        this, ABI,
+        "structs, enumerations or functions of the header changed: raise FLASHMAT_ABI_VERSION if the last version has \
+         been released or landed, and write the new pair here ({:#018x})",
+        this.1
+    );
+}
+
+/// FLASHMAT_ABI_VERSION and the [`hash`] of what it stands for.
+const ABI: (u32, u64) = (3, 0x8a27_0ed6_5f9c_5e46);
+
 /// Names of functions that the header declares.
 fn declared() -> BTreeSet<String> {
     let header = committed();

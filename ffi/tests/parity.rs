@@ -240,7 +240,7 @@ fn expected(frame: &Frame<'_>, options: &CaptureOptions) -> Vec<u8> {
 
 /// `flashmat_report` by hand.
 fn report(capture: &Capture<'_>) -> Vec<u8> {
-    let mut out = 96_u32.to_ne_bytes().to_vec();
+    let mut out = 116_u32.to_ne_bytes().to_vec();
     let class = Class::ALL.iter().position(|&c| c == capture.class).expect("a class") as u32 + 1;
     out.extend(class.to_ne_bytes());
     let floats = [capture.light_scale, capture.residual, capture.f0, capture.photo.fov_deg];
@@ -251,6 +251,10 @@ fn report(capture: &Capture<'_>) -> Vec<u8> {
     }
     out.extend(capture.room_light.to_ne_bytes());
     out.extend(capture.photo.flash.to_array().iter().flat_map(|v| v.to_ne_bytes()));
+    let exposure = capture.photo.exposure;
+    out.extend(exposure.clipped.iter().chain([&exposure.brightness]).flat_map(|v| v.to_ne_bytes()));
+    let flags = u32::from(exposure.clipped_share() > 0.1) + 2 * u32::from(exposure.brightness < 0.01);
+    out.extend(flags.to_ne_bytes());
     out
 }
 

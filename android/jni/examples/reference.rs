@@ -3,7 +3,7 @@
 //!
 //! Calls [`flashmat_core`] directly, nothing of the bridge. Big-endian, as Java reads: "FMREF002", number of cases;
 //! each: name (u16 length, UTF-8), 11 layout values, field of view (kind, value, target), class, refine, number of
-//! planes, planes (i32 length, bytes in native order), then 23 numbers, 14 planes of 128 x 128 f32, and the
+//! planes, planes (i32 length, bytes in native order), then 29 numbers, 14 planes of 128 x 128 f32, and the
 //! GLB of that name (i32 length, bytes).
 use flashmat_core::frame::{Encoding, FieldOfView, Frame, PhotoFov, Range, Rotation, YuvMatrix, YuvPlanes};
 use flashmat_core::net::{Class, Model};
@@ -181,6 +181,10 @@ fn capture(case: &Case, planes: &[Vec<u8>]) -> Result<Results, Box<dyn std::erro
     numbers.extend(capture.solver.map(|report| report.residual));
     numbers.push(capture.room_light);
     numbers.extend(capture.photo.flash.to_array());
+    let exposure = capture.photo.exposure;
+    numbers.extend(exposure.clipped);
+    let flag = |set| if set { 1.0 } else { 0.0 };
+    numbers.extend([exposure.brightness, flag(exposure.is_overexposed()), flag(exposure.is_dark())]);
     let maps = [
         capture.maps.albedo,
         capture.maps.normal,

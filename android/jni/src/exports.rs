@@ -238,6 +238,10 @@ fn capture<'local>(
                 return Err(Failure::Java(error));
             }
             let capture = result?;
+            // Asked for while the last step ran: a cancelled capture gives nothing.
+            if engine.cancelled_since(since) {
+                return Err(Failure::Core(flashmat_core::Error::Cancelled));
+            }
             outputs.numbers.set_region(observer.env, 0, &output::numbers(&capture))?;
             output::write(&capture, out);
             Ok(())

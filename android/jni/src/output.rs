@@ -1,16 +1,15 @@
 //! What a capture gives, as `com.flashmat.MaterialMaps` holds it: 14 planes of f32 in one direct buffer, numbers in a
 //! `float[]`; and pictures of them for bitmaps.
 use crate::Failure;
-use flashmat_core::frame::transfer::linear_to_srgb;
-use flashmat_core::maps::{Maps, encode_rgb_row};
+use flashmat_core::maps::{Coding, Maps, encode_row};
 use flashmat_core::net::Class;
 use flashmat_core::pipeline::Capture;
 
 /// Planes: albedo 3, normal 3, roughness 1, re-render 3, photo 3, observability 1.
 pub(crate) const PLANES: usize = 14;
 /// Numbers: 8 probabilities, class, F0, light scale, residual, field of view, 3 x iterations, 3 x solver residual, room
-/// light, 3 x the flash's place.
-pub(crate) const NUMBERS: usize = 23;
+/// light, 3 x the flash's place, 3 x share of overexposed pixels, brightness of the others, 1 if overexposed, 1 if dark.
+pub(crate) const NUMBERS: usize = 29;
 
 /// Bytes of the maps' buffer, in 64 bits: `size` comes from Java.
 fn needed(size: usize) -> u64 {
@@ -64,6 +63,8 @@ pub(crate) fn numbers(capture: &Capture<'_>) -> [f32; NUMBERS] {
     let scalars = [class as f32, capture.f0, capture.light_scale, capture.residual, capture.photo.fov_deg];
     let iterations = capture.solver.map(|report| report.iterations as f32);
     let residuals = capture.solver.map(|report| report.residual);
+    let exposure = &capture.photo.exposure;
+    let flag = |set| if set { 1.0 } else { 0.0 };
     let mut numbers = [0.0; NUMBERS];
     let all = capture
         .probabilities
@@ -73,7 +74,9 @@ pub(crate) fn numbers(capture: &Capture<'_>) -> [f32; NUMBERS] {
         .chain(iterations)
         .chain(residuals)
         .chain([capture.room_light])
-        .chain(capture.photo.flash.to_array());
+        .chain(capture.photo.flash.to_array())
+        .chain(exposure.clipped)
+        .chain([exposure.brightness, flag(exposure.is_overexposed()), flag(exposure.is_dark())]);
     numbers.iter_mut().zip(all).for_each(|(number, value)| *number = value);
     numbers
 }
@@ -119,8 +122,8 @@ pub(crate) fn picture(maps: &[u8], size: usize, picture: usize, rgba: &mut [u8])
                 view.roughness_row(row, &mut grey)?;
                 rgb.chunks_exact_mut(3).zip(&grey).for_each(|(pixel, &value)| pixel.fill(value));
             }
-            3 => encode_rgb_row(group(planes, size, 7, 3), size, row, &mut rgb, linear_to_srgb)?,
-            _ => encode_rgb_row(group(planes, size, 10, 3), size, row, &mut rgb, linear_to_srgb)?,
+            3 => encode_row(group(planes, size, 7, 3), size, row, Coding::Srgb, &mut rgb)?,
+            _ => encode_row(group(planes, size, 10, 3), size, row, Coding::Srgb, &mut rgb)?,
         }
         for (pixel, colour) in line.chunks_exact_mut(4).zip(rgb.chunks_exact(3)) {
             pixel.iter_mut().zip(colour.iter().chain(&[u8::MAX])).for_each(|(to, &from)| *to = from);
@@ -132,6 +135,22 @@ pub(crate) fn picture(maps: &[u8], size: usize, picture: usize, rgba: &mut [u8])
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Java looks at previews without a capture, by the same limits.
+    #[test]
+    fn java_calls_overexposed_what_the_core_does() {
+        use flashmat_core::frame::{CLIPPED_BYTE, OVEREXPOSED};
+        let java = include_str!("../../flashmat/src/main/java/com/flashmat/Exposure.java");
+        for line in [
+            format!("private static final int CLIPPED = {CLIPPED_BYTE};"),
+            format!("public static final float OVEREXPOSED = {OVEREXPOSED}f;"),
+        ] {
+            assert!(java.contains(&line), "{line}");
+        }
+        let bridge = include_str!("../../flashmat/src/main/java/com/flashmat/NativeBridge.java");
+        assert!(bridge.contains(&format!("static final int NUMBERS = {NUMBERS};")));
+        assert!(bridge.contains(&format!("static final int ABI = {};", crate::ABI)));
+    }
 
     #[test]
     fn sizes_are_checked_in_64_bits() {

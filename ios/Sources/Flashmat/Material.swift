@@ -72,7 +72,15 @@ public struct MaterialReport: Sendable, Equatable {
     /// Where the re-render's flash is, fitted to the photo, in plane units: the plane is z = 0, x to the right, y up, the camera
     /// at (0,0,1).
     public let flash: SIMD3<Float>
-    /// RMSE of the re-render against the photo, gamma 2.2, overexposed pixels left out.
+    /// Share of the photo's own pixels, within the square, that are overexposed in red, green and blue, 0 to 1.
+    public let overexposed: SIMD3<Float>
+    /// Mean linear light of what is not overexposed, 0 to 1.
+    public let brightness: Float
+    /// Whether so many pixels are overexposed that the maps suffer: take the photo with less exposure.
+    public let isOverexposed: Bool
+    /// Whether the photo is too dark for its 8 bits: take it nearer or with more exposure.
+    public let isDark: Bool
+    /// RMSE of the re-render against the photo, gamma 2.2, overexposed values left out.
     public let residual: Float
     /// Specular reflectance at normal incidence.
     public let f0: Float
@@ -92,6 +100,10 @@ public struct MaterialReport: Sendable, Equatable {
         lightScale = report.light_scale
         roomLight = report.room_light
         flash = SIMD3(report.flash.0, report.flash.1, report.flash.2)
+        overexposed = SIMD3(report.overexposed.0, report.overexposed.1, report.overexposed.2)
+        brightness = report.brightness
+        isOverexposed = report.photo_flags & UInt32(FLASHMAT_PHOTO_OVEREXPOSED) != 0
+        isDark = report.photo_flags & UInt32(FLASHMAT_PHOTO_DARK) != 0
         residual = report.residual
         f0 = report.f0
         fieldOfView = report.fov_deg

@@ -62,6 +62,12 @@ final class MapsTest {
         assertEquals(3, flash.length);
         assertTrue(Math.abs(flash[0]) <= 0.35f && Math.abs(flash[1]) <= 0.35f);
         assertEquals(1, flash[2]);
+        float[] overexposed = maps.overexposed();
+        assertEquals(3, overexposed.length);
+        float most = Math.max(overexposed[0], Math.max(overexposed[1], overexposed[2]));
+        assertEquals(most > Exposure.OVEREXPOSED, maps.isOverexposed());
+        assertTrue(maps.brightness() > 0 && maps.brightness() <= 1);
+        assertEquals(maps.brightness() < 0.01f, maps.isDark());
         assertEquals(3, maps.solverIterations().length);
         assertTrue(maps.solverIterations()[0] > 0 && maps.solverResiduals()[0] < 1);
     }

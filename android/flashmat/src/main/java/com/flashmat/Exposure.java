@@ -9,12 +9,15 @@ public final class Exposure {
     /** Luma codes from here on count as overexposed, as in the capture. */
     private static final int CLIPPED = 254;
 
+    /** Above this share of overexposed pixels the maps suffer; highlights of good photos take up to it. */
+    public static final float OVEREXPOSED = 0.1f;
+
     private Exposure() {}
 
     /**
      * Part of the central square's pixels whose luma is at its limit, 0 to 1; looks at every {@code step}-th pixel of
-     * every {@code step}-th row. A specular highlight is clipped in most good photos (a few percent); above a tenth,
-     * the maps suffer.
+     * every {@code step}-th row. A specular highlight is clipped in most good photos (a few percent); above
+     * {@link #OVEREXPOSED} the maps suffer.
      *
      * @param luma the Y plane, from its position; heap or direct; not moved
      */

@@ -147,7 +147,32 @@ public final class MaterialMaps {
         return new float[] {numbers[20], numbers[21], numbers[22]};
     }
 
-    /** RMSE of the re-render against the photo, gamma 2.2, overexposed pixels left out. */
+    /** Share of the photo's own pixels, within the square, that are overexposed in red, green and blue, 0 to 1. */
+    @NonNull
+    public float[] overexposed() {
+        check();
+        return Arrays.copyOfRange(numbers, 23, 26);
+    }
+
+    /** Mean linear light of what is not overexposed, 0 to 1. */
+    public float brightness() {
+        check();
+        return numbers[26];
+    }
+
+    /** Whether more than {@link Exposure#OVEREXPOSED} of the photo's pixels are: take it with less exposure. */
+    public boolean isOverexposed() {
+        check();
+        return numbers[27] != 0;
+    }
+
+    /** Whether the photo is too dark for its 8 bits: take it nearer or with more exposure. */
+    public boolean isDark() {
+        check();
+        return numbers[28] != 0;
+    }
+
+    /** RMSE of the re-render against the photo, gamma 2.2, overexposed values left out. */
     public float residual() {
         check();
         return numbers[11];

@@ -8,11 +8,11 @@ import java.nio.ByteBuffer;
  */
 final class NativeBridge {
     /** Counts changes of the signatures and layouts below; the native library has the same number. */
-    static final int ABI = 2;
+    static final int ABI = 3;
     /** Planes of f32 in a maps buffer: albedo 3, normal 3, roughness, re-render 3, photo 3, observability. */
     static final int PLANES = 14;
     /** Numbers of a capture: see {@link MaterialMaps}. */
-    static final int NUMBERS = 23;
+    static final int NUMBERS = 29;
 
     static {
         // Host tests name the file; apps have it in their package.

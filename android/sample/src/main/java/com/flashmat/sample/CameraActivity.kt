@@ -17,6 +17,7 @@ import androidx.appcompat.app.AppCompatActivity
 import androidx.camera.view.PreviewView
 import androidx.lifecycle.lifecycleScope
 import com.flashmat.CaptureEvent
+import com.flashmat.Exposure
 import com.flashmat.FlashmatException
 import com.flashmat.android.Frames
 import com.flashmat.captureFlow
@@ -102,7 +103,7 @@ class CameraActivity : AppCompatActivity() {
         if (running?.isActive == true) {
             return
         }
-        val tooBright = clipped > CLIPPED_LIMIT
+        val tooBright = clipped > Exposure.OVEREXPOSED
         if (tooBright) {
             message.text = getString(R.string.too_bright, (100 * clipped).toInt())
         } else if (guide.tooBright) {
@@ -150,9 +151,6 @@ class CameraActivity : AppCompatActivity() {
     private companion object {
         /** What the maps span, in degrees. */
         const val TARGET_FOV = 43.35f
-
-        /** A highlight is overexposed in good photos, too. */
-        const val CLIPPED_LIMIT = 0.08f
 
         fun tanHalf(degrees: Float): Float = tan(Math.toRadians(degrees / 2.0)).toFloat()
     }
