@@ -1,7 +1,6 @@
 //! `flashmat capture`: photos in, a folder of maps for each out.
 use super::{complain, say, workers};
 use crate::engine::{Engine, EngineKind, ModelFile, Settings};
-use crate::exposure;
 use crate::failure::{Failure, one_line};
 use crate::interrupt;
 use crate::material::Material;
@@ -236,7 +235,6 @@ fn one_photo(
     };
     let material = engine.capture(&photo, &mut observer).map_err(|error| match error {
         Error::Cancelled => interrupted(),
-        Error::PhotoBlack => exposure::black(&path, &photo.pixels),
         error => Failure::core(&path, &error),
     });
     drop(photo);
