@@ -19,7 +19,7 @@ pub fn read_photo(path: &Path) -> Result<(), String> {
     };
     assert_eq!(values, 3 * width * height, "{width} x {height} pixels");
     if let Some(mm) = photo.focal_35mm {
-        assert!(mm.is_finite() && mm > 0.0, "focal length {mm}");
+        assert!(flashmat_core::frame::FOCAL_35MM.contains(&mm), "focal length {mm}");
     }
     Ok(())
 }

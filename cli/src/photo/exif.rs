@@ -2,6 +2,7 @@
 //!
 //! Every field that can be read counts, whatever else is broken. Lengths are in millimetres, angles in degrees.
 use exif::{Context, Error, Exif, In, Reader, Tag, Value};
+use flashmat_core::frame::FOCAL_35MM;
 
 /// Half the diagonal of 24 mm x 36 mm, by which EXIF 2.3 and CIPA DCG-001 define 35 mm equivalents.
 const HALF_DIAGONAL_MM: f32 = 21.633_308;
@@ -118,7 +119,9 @@ impl Fields {
     /// The 35 mm-equivalent focal length of a picture of `width` x `height` pixels; what a user should know of it goes
     /// to `warnings`.
     pub(super) fn focal_35mm(&self, width: u32, height: u32, warnings: &mut Vec<String>) -> Option<f32> {
-        let believable = |mm: &f32| BELIEVABLE_DEG.contains(&shorter_side_deg(*mm, width, height));
+        let believable = |mm: &f32| {
+            FOCAL_35MM.contains(mm) && BELIEVABLE_DEG.contains(&shorter_side_deg(*mm, width, height))
+        };
         let derived = || self.equivalent_by_sensor(width, height);
         match self.focal_35mm {
             Some(mm) if believable(&mm) => Some(mm),

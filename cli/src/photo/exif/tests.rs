@@ -126,7 +126,15 @@ fn an_absurd_focal_length_is_a_warning_and_not_believed() {
             "{mm}: {warnings:?}"
         );
     }
-    for mm in [10.0, 26.0, 52.0, 120.0] {
+    // A phone's real focal length in the wrong tag: a wide picture's shorter side would see a believable angle.
+    for mm in [4.25, 7.9] {
+        let mut warnings = Vec::new();
+        let fields = Fields { focal_35mm: Some(mm), ..Fields::default() };
+        assert!(BELIEVABLE_DEG.contains(&shorter_side_deg(mm, 1200, 300)));
+        assert_eq!(fields.focal_35mm(1200, 300, &mut warnings), None, "{mm}");
+        assert!(warnings.len() == 1 && warnings[0].contains("not believed"), "{mm}: {warnings:?}");
+    }
+    for mm in [8.0, 10.0, 26.0, 52.0, 120.0] {
         let mut warnings = Vec::new();
         let fields = Fields { focal_35mm: Some(mm), ..Fields::default() };
         assert_eq!(fields.focal_35mm(600, 450, &mut warnings), Some(mm));
