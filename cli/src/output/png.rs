@@ -1,7 +1,6 @@
 //! The maps as PNG files, 8 or 16 bits per channel.
 use flashmat_core::Error;
-use flashmat_core::frame::transfer::linear_to_srgb;
-use flashmat_core::maps::{Maps, encode_rgb_row};
+use flashmat_core::maps::{Coding, Maps, encode_row};
 use flashmat_export::png::{self, Channel, Colour};
 use std::io::{self, Write};
 
@@ -39,12 +38,12 @@ pub(crate) fn roughness(out: &mut dyn Write, maps: &Maps<'_>, depth: Depth) -> i
 /// Writes three planes of linear RGB, sRGB-encoded.
 pub(crate) fn linear(out: &mut dyn Write, planes: &[f32], size: usize, depth: Depth) -> io::Result<()> {
     match depth {
-        Depth::Eight => square::<u8>(out, size, Colour::Rgb, |y, line| {
-            encode_rgb_row(planes, size, y, line, linear_to_srgb)
-        }),
-        Depth::Sixteen => square::<u16>(out, size, Colour::Rgb, |y, line| {
-            encode_rgb_row(planes, size, y, line, linear_to_srgb)
-        }),
+        Depth::Eight => {
+            square::<u8>(out, size, Colour::Rgb, |y, line| encode_row(planes, size, y, Coding::Srgb, line))
+        }
+        Depth::Sixteen => {
+            square::<u16>(out, size, Colour::Rgb, |y, line| encode_row(planes, size, y, Coding::Srgb, line))
+        }
     }
 }
 

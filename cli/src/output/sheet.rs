@@ -3,8 +3,7 @@ use super::canvas::{Colour, Fonts, Text, fill};
 use super::png;
 use crate::material::Material;
 use flashmat_core::Error;
-use flashmat_core::frame::transfer::linear_to_srgb;
-use flashmat_core::maps;
+use flashmat_core::maps::{Coding, encode_row};
 use flashmat_core::net::Class;
 use image::RgbImage;
 use image::imageops::{self, FilterType};
@@ -43,9 +42,8 @@ fn draw(name: &str, material: &Material, relit: &[f32]) -> Result<RgbImage, Erro
     header(&mut canvas, &fonts, name, material);
 
     let view = material.maps.view();
-    let linear = |planes: &[f32]| {
-        picture(size, panel, |y, line| maps::encode_rgb_row(planes, size, y, line, linear_to_srgb))
-    };
+    let linear =
+        |planes: &[f32]| picture(size, panel, |y, line| encode_row(planes, size, y, Coding::Srgb, line));
     let re_render = format!("same light, residual {:.3}", material.residual);
     let panels = [
         ("Photo", "as the network saw it", linear(&material.photo)?),

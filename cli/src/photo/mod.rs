@@ -18,9 +18,8 @@ mod webp;
 use crate::failure::Failure;
 use colour::Tags;
 use container::Container;
-use flashmat_core::frame::transfer::linear_to_srgb;
 use flashmat_core::frame::{Encoding, Rotation};
-use flashmat_core::maps;
+use flashmat_core::maps::{Coding, encode_row};
 use std::fs::{self, File};
 use std::io::{BufReader, Read, Seek};
 use std::path::Path;
@@ -70,7 +69,7 @@ impl Photo {
     pub(crate) fn of_radiance(radiance: &[f32], size: usize) -> Result<Self, flashmat_core::Error> {
         let mut pixels = vec![0_u8; 3 * size * size];
         for (y, line) in pixels.chunks_exact_mut(3 * size.max(1)).enumerate() {
-            maps::encode_rgb_row(radiance, size, y, line, linear_to_srgb)?;
+            encode_row(radiance, size, y, Coding::Srgb, line)?;
         }
         let side = u32::try_from(size).map_err(|_| flashmat_core::Error::Size { size })?;
         Ok(Self::plain(side, side, Pixels::Rgb8(pixels)))
