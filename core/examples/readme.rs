@@ -1,9 +1,9 @@
 //! The README's lines for Rust, on a photo that is made here.
 //!
 //! `cargo run --release -p flashmat-core --example readme -- models/phone.fmat`
+use flashmat_core::capture::CaptureOptions;
 use flashmat_core::frame::Frame;
 use flashmat_core::net::Model;
-use flashmat_core::pipeline::CaptureOptions;
 use flashmat_core::{Session, SessionOptions, Silent};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {

@@ -1,11 +1,11 @@
 //! A session owns what a run needs: the façade that the command line, the C library and the Android library share.
 use crate::base::exec::{At, Executor, Inline};
 use crate::base::simd::{Level, Simd};
+use crate::capture::{self, Capture, CaptureOptions};
 use crate::frame::Frame;
 use crate::kernels::Kernels;
 use crate::net::scales::Scales;
 use crate::net::{Inference, Model, Network};
-use crate::pipeline::{self, Capture, CaptureOptions};
 use crate::{Error, Observer};
 use alloc::boxed::Box;
 use alloc::vec::Vec;
@@ -65,7 +65,7 @@ impl<'m> Session<'m> {
         level: Level,
         threads: usize,
     ) -> Result<Self, Error> {
-        let needed = pipeline::workspace_bytes(&*engine);
+        let needed = capture::workspace_bytes(&*engine);
         let mut workspace = Vec::new();
         workspace.try_reserve_exact(needed).map_err(|_| Error::WorkspaceTooSmall { needed, available: 0 })?;
         workspace.resize(needed, 0);
@@ -75,7 +75,7 @@ impl<'m> Session<'m> {
     /// One photo through the pipeline; the result lies in the session until the next call.
     ///
     /// # Errors
-    /// As [`pipeline::run`].
+    /// As [`capture::run`].
     pub fn capture(
         &mut self,
         frame: &Frame<'_>,
@@ -83,13 +83,13 @@ impl<'m> Session<'m> {
         observer: &mut dyn Observer,
     ) -> Result<Capture<'_>, Error> {
         let exec = At::new(&*self.exec, self.simd);
-        pipeline::run(&*self.engine, frame, options, &exec, &mut self.workspace, observer)
+        capture::run(&*self.engine, frame, options, &exec, &mut self.workspace, observer)
     }
 
     /// As [`Session::capture`], and what `then` makes of the result on the session's threads ([`maps::encode`](crate::maps::encode)).
     ///
     /// # Errors
-    /// As [`pipeline::run`].
+    /// As [`capture::run`].
     pub fn capture_then<T>(
         &mut self,
         frame: &Frame<'_>,
@@ -98,7 +98,7 @@ impl<'m> Session<'m> {
         then: impl FnOnce(&Capture<'_>, &dyn Executor) -> T,
     ) -> Result<T, Error> {
         let exec = At::new(&*self.exec, self.simd);
-        let capture = pipeline::run(&*self.engine, frame, options, &exec, &mut self.workspace, observer)?;
+        let capture = capture::run(&*self.engine, frame, options, &exec, &mut self.workspace, observer)?;
         Ok(then(&capture, &exec))
     }
 

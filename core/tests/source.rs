@@ -6,10 +6,10 @@ use std::path::{Path, PathBuf};
 const FLOORS: [&[&str]; 6] = [
     &["base"],
     &["kernels"],
-    &["frame", "maps", "observer"],
+    &["frame", "maps", "stage"],
     &["net", "crf", "brdf"],
     &["highlight", "search"],
-    &["pipeline", "session"],
+    &["capture", "session"],
 ];
 /// What `lib.rs` names at the root: everyone's.
 const ROOT: [&str; 6] = ["Error", "ModelError", "Observer", "Stage", "Session", "SessionOptions"];

@@ -37,7 +37,7 @@
 /**
  * Version of the ABI of this header: it grows when functions, fields or numbers are added. What was there stays.
  */
-#define FLASHMAT_ABI_VERSION 3
+#define FLASHMAT_ABI_VERSION 4
 
 /**
  * What became of a call. Numbers never change their meaning; new ones are added at the end, so treat a number that
@@ -445,29 +445,49 @@ enum flashmat_stage
 #endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
  {
     /**
-     * Photo to linear RGB at the network's size.
+     * Photo to linear RGB at the maps' size.
      */
     FLASHMAT_STAGE_FRAME = 0,
     /**
-     * Class probabilities and first maps.
+     * The network: class probabilities and first maps.
      */
-    FLASHMAT_STAGE_NET = 1,
+    FLASHMAT_STAGE_GLOBAL = 1,
+    /**
+     * Where the flash is beside the camera.
+     */
+    FLASHMAT_STAGE_FLASH = 2,
+    /**
+     * Albedo below highlights.
+     */
+    FLASHMAT_STAGE_HIGHLIGHT = 3,
     /**
      * Refinement of the albedo.
      */
-    FLASHMAT_STAGE_CRF_ALBEDO = 2,
+    FLASHMAT_STAGE_ALBEDO = 4,
+    /**
+     * Texture of the albedo that a highlight burnt out.
+     */
+    FLASHMAT_STAGE_TEXTURE = 5,
     /**
      * Refinement of the normals.
      */
-    FLASHMAT_STAGE_CRF_NORMAL = 3,
+    FLASHMAT_STAGE_NORMAL = 6,
     /**
      * Light scale and roughness search.
      */
-    FLASHMAT_STAGE_SEARCH = 4,
+    FLASHMAT_STAGE_SEARCH = 7,
     /**
      * Refinement of the roughness.
      */
-    FLASHMAT_STAGE_CRF_ROUGHNESS = 5,
+    FLASHMAT_STAGE_ROUGHNESS = 8,
+    /**
+     * Roughness below highlights.
+     */
+    FLASHMAT_STAGE_LEVEL = 9,
+    /**
+     * Re-render, lights and residual.
+     */
+    FLASHMAT_STAGE_RELIGHT = 10,
 };
 #ifndef __cplusplus
 #if __STDC_VERSION__ >= 202311L
@@ -940,7 +960,7 @@ const char *flashmat_status_text(int32_t number);
 const char *flashmat_class_name(uint32_t material_class);
 
 /**
- * A stage's name, such as "crf_albedo". Static; empty for numbers that are no stage. Threads: any.
+ * A stage's name, such as "albedo". Static; empty for numbers that are no stage. Threads: any.
  */
 const char *flashmat_stage_name(uint32_t stage);
 

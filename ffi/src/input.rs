@@ -9,9 +9,9 @@ use crate::types::{
 use bytemuck::Pod;
 use core::ops::ControlFlow;
 use flashmat_core::base::simd::Level;
+use flashmat_core::capture::CaptureOptions;
 use flashmat_core::frame::{Encoding, FieldOfView, Frame, PhotoFov, Range, Rotation, YuvMatrix, YuvPlanes};
 use flashmat_core::net::Class;
-use flashmat_core::pipeline::CaptureOptions;
 use flashmat_core::{Observer, Stage};
 
 /// Pixels per side when the caller names none.
@@ -79,11 +79,16 @@ pub(crate) const fn stage_code(stage: Stage) -> u32 {
     use crate::types::flashmat_stage as Code;
     let code = match stage {
         Stage::Frame => Code::Frame,
-        Stage::Net => Code::Net,
-        Stage::CrfAlbedo => Code::CrfAlbedo,
-        Stage::CrfNormal => Code::CrfNormal,
+        Stage::Global => Code::Global,
+        Stage::Flash => Code::Flash,
+        Stage::Highlight => Code::Highlight,
+        Stage::Albedo => Code::Albedo,
+        Stage::Texture => Code::Texture,
+        Stage::Normal => Code::Normal,
         Stage::Search => Code::Search,
-        Stage::CrfRoughness => Code::CrfRoughness,
+        Stage::Roughness => Code::Roughness,
+        Stage::Level => Code::Level,
+        Stage::Relight => Code::Relight,
     };
     code as u32
 }

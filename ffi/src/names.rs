@@ -16,8 +16,19 @@ fn name(names: &[&'static CStr], number: u32, first: u32) -> *const c_char {
 
 pub(crate) const CLASSES: [&CStr; 8] =
     [c"fabric", c"ground", c"leather", c"metal", c"stone-diff", c"stone-spec", c"polymer", c"wood"];
-pub(crate) const STAGES: [&CStr; 6] =
-    [c"frame", c"net", c"crf_albedo", c"crf_normal", c"search", c"crf_roughness"];
+pub(crate) const STAGES: [&CStr; 11] = [
+    c"frame",
+    c"global",
+    c"flash",
+    c"highlight",
+    c"albedo",
+    c"texture",
+    c"normal",
+    c"search",
+    c"roughness",
+    c"level",
+    c"relight",
+];
 pub(crate) const LEVELS: [&CStr; 6] = [c"scalar", c"avx2", c"avx512vnni", c"neon", c"dotprod", c"i8mm"];
 
 /// A status' constant as text, such as "FLASHMAT_STATUS_BUSY". Static; empty for numbers that are no status.
@@ -41,7 +52,7 @@ pub extern "C" fn flashmat_class_name(material_class: u32) -> *const c_char {
     name(&CLASSES, material_class, 1)
 }
 
-/// A stage's name, such as "crf_albedo". Static; empty for numbers that are no stage. Threads: any.
+/// A stage's name, such as "albedo". Static; empty for numbers that are no stage. Threads: any.
 #[unsafe(no_mangle)]
 pub extern "C" fn flashmat_stage_name(stage: u32) -> *const c_char {
     name(&STAGES, stage, 0)

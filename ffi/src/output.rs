@@ -9,8 +9,8 @@ use crate::types::{
 };
 use bytemuck::Pod;
 use flashmat_core::base::exec::Executor;
+use flashmat_core::capture::Capture;
 use flashmat_core::maps::{self, Coding};
-use flashmat_core::pipeline::Capture;
 
 /// Where a capture's results go, checked before the work is done.
 pub(crate) enum Outputs<'a> {

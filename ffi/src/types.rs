@@ -139,18 +139,28 @@ pub enum flashmat_level {
 #[repr(u32)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum flashmat_stage {
-    /// Photo to linear RGB at the network's size.
+    /// Photo to linear RGB at the maps' size.
     Frame = 0,
-    /// Class probabilities and first maps.
-    Net = 1,
+    /// The network: class probabilities and first maps.
+    Global = 1,
+    /// Where the flash is beside the camera.
+    Flash = 2,
+    /// Albedo below highlights.
+    Highlight = 3,
     /// Refinement of the albedo.
-    CrfAlbedo = 2,
+    Albedo = 4,
+    /// Texture of the albedo that a highlight burnt out.
+    Texture = 5,
     /// Refinement of the normals.
-    CrfNormal = 3,
+    Normal = 6,
     /// Light scale and roughness search.
-    Search = 4,
+    Search = 7,
     /// Refinement of the roughness.
-    CrfRoughness = 5,
+    Roughness = 8,
+    /// Roughness below highlights.
+    Level = 9,
+    /// Re-render, lights and residual.
+    Relight = 10,
 }
 
 /// How results are written. Rows from the top, without padding, size x size pixels.

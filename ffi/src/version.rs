@@ -4,7 +4,7 @@
 use core::ffi::{CStr, c_char};
 
 /// Version of the ABI of this header: it grows when functions, fields or numbers are added. What was there stays.
-pub const FLASHMAT_ABI_VERSION: u32 = 3;
+pub const FLASHMAT_ABI_VERSION: u32 = 4;
 
 const VERSION: &CStr = match CStr::from_bytes_with_nul(concat!(env!("CARGO_PKG_VERSION"), "\0").as_bytes()) {
     Ok(version) => version,

@@ -14,9 +14,9 @@ use crate::types::{
 use core::ffi::c_void;
 use flashmat_core::base::exec::Inline;
 use flashmat_core::base::simd::Level;
+use flashmat_core::capture::Pipeline;
 use flashmat_core::kernels::Kernels;
 use flashmat_core::net::Model;
-use flashmat_core::pipeline::Pipeline;
 
 /// The model, size and level of the options, planned.
 fn pipeline<'a>(options: &flashmat_engine_options) -> Result<(ModelBytes<'a>, Pipeline<'a>), Failure> {

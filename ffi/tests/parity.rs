@@ -3,11 +3,11 @@
 mod common;
 
 use common::{Build, program, root, run, run_valgrind, scratch, toy_model, valgrind};
+use flashmat_core::capture::{Capture, CaptureOptions};
 use flashmat_core::frame::transfer::linear_to_srgb;
 use flashmat_core::frame::{Encoding, FieldOfView, Frame, PhotoFov, Range, Rotation, YuvMatrix, YuvPlanes};
 use flashmat_core::maps::{Maps, encode_rgb_row};
 use flashmat_core::net::{Class, Model};
-use flashmat_core::pipeline::{Capture, CaptureOptions};
 use flashmat_core::{Session, SessionOptions, Silent};
 use flashmat_export::{Pictures, glb};
 use std::fs;

@@ -5,11 +5,11 @@
 //! bytes, against copying them as floats.
 use cpu_time::ThreadTime;
 use flashmat_core::base::exec::Inline;
+use flashmat_core::capture::{Capture, CaptureOptions, Pipeline};
 use flashmat_core::frame::Frame;
 use flashmat_core::kernels::Kernels;
 use flashmat_core::maps::{Coding, encode};
 use flashmat_core::net::Model;
-use flashmat_core::pipeline::{Capture, CaptureOptions, Pipeline};
 use flashmat_core::{Error, Stage};
 use std::hint::black_box;
 use std::ops::ControlFlow;

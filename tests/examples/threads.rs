@@ -4,17 +4,19 @@
 use cpu_time::ThreadTime;
 use flashmat_core::base::exec::{Executor, Inline, Pool};
 use flashmat_core::base::simd::Level;
+use flashmat_core::capture::{CaptureOptions, Pipeline};
 use flashmat_core::frame::Frame;
 use flashmat_core::kernels::Kernels;
 use flashmat_core::net::Model;
-use flashmat_core::pipeline::{CaptureOptions, Pipeline};
 use flashmat_core::{Observer, Stage};
 use std::ops::ControlFlow;
 use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
 /// Milliseconds of each stage, and of all.
-type Times = [f64; 7];
+type Times = [f64; ALL + 1];
+/// Where the time of all stages together stands.
+const ALL: usize = Stage::ALL.len();
 
 /// Notes when stages begin and end.
 struct Clock<'h> {
@@ -50,7 +52,7 @@ struct Tally {
     saved: u64,
     joins: u64,
     /// Of each stage, over all runs.
-    stages: [(u64, u64, u64); 6],
+    stages: [(u64, u64, u64); ALL],
 }
 
 impl Halves {
@@ -121,14 +123,14 @@ fn main() {
     let pool = Pool::new(threads).expect("threads");
     let halves = Halves::default();
     let executors: [&dyn Executor; 3] = [&Inline, &pool, &halves];
-    let mut best = [[f64::INFINITY; 7]; 3];
+    let mut best = [[f64::INFINITY; ALL + 1]; 3];
     let begin = Instant::now();
     while begin.elapsed().as_secs() < seconds as u64 {
         for (exec, best) in executors.into_iter().zip(&mut best) {
-            let mut clock = Clock { start: Instant::now(), times: [0.0; 7], halves: &halves };
+            let mut clock = Clock { start: Instant::now(), times: [0.0; ALL + 1], halves: &halves };
             let start = Instant::now();
             pipeline.run(&frame, &CaptureOptions::default(), exec, &mut work, &mut clock).expect("a capture");
-            clock.times[6] = start.elapsed().as_secs_f64() * 1e3;
+            clock.times[ALL] = start.elapsed().as_secs_f64() * 1e3;
             best.iter_mut().zip(clock.times).for_each(|(best, time)| *best = best.min(time));
         }
     }
@@ -147,5 +149,5 @@ fn main() {
             total as f64 / (total - saved) as f64
         );
     }
-    println!("{:>14} {:8.2} {:8.2} {:6.2}", "all", best[0][6], best[1][6], best[0][6] / best[1][6]);
+    println!("{:>14} {:8.2} {:8.2} {:6.2}", "all", best[0][ALL], best[1][ALL], best[0][ALL] / best[1][ALL]);
 }

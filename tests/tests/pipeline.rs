@@ -1,10 +1,10 @@
 //! The whole chain on the toy model: same bits at every level and thread count, nothing allocated, nothing refused
 //! that should run, nothing accepted that should not.
 use flashmat_core::base::exec::{Inline, Pool};
+use flashmat_core::capture::{Capture, CaptureOptions, Pipeline};
 use flashmat_core::frame::Frame;
 use flashmat_core::kernels::Kernels;
 use flashmat_core::net::{Class, Model};
-use flashmat_core::pipeline::{Capture, CaptureOptions, Pipeline};
 use flashmat_core::{Error, Silent, Stage};
 use flashmat_tests::golden::{TOY_MODEL, TOY_SIZE};
 use std::ops::ControlFlow;
@@ -132,11 +132,11 @@ fn a_run_can_be_stopped_at_every_gap_of_its_progress() {
     };
     let capture = pipeline.run(&frame, &CaptureOptions::default(), &Inline, &mut work, &mut watch);
     let steps = capture.expect("a capture").solver.map(|report| report.iterations);
-    for (stage, steps) in [Stage::CrfAlbedo, Stage::CrfNormal, Stage::CrfRoughness].into_iter().zip(steps) {
+    for (stage, steps) in [Stage::Albedo, Stage::Normal, Stage::Roughness].into_iter().zip(steps) {
         let told = calls.iter().filter(|(at, _)| *at == stage).count();
         assert!(steps > 0 && told >= steps + 2, "{}: {told} calls in {steps} steps", stage.name());
     }
-    assert_eq!(calls.last(), Some(&(Stage::CrfRoughness, 1.0)));
+    assert_eq!(calls.last(), Some(&(Stage::Relight, 1.0)));
     for (stop, call) in calls.iter().enumerate() {
         let mut seen = 0;
         let mut watch = |_: Stage, _: f32| {

@@ -2,10 +2,10 @@
 //! the CRFs' grid.
 use flashmat_core::Silent;
 use flashmat_core::base::exec::Inline;
+use flashmat_core::capture::{CaptureOptions, Pipeline};
 use flashmat_core::frame::Frame;
 use flashmat_core::kernels::Kernels;
 use flashmat_core::net::Model;
-use flashmat_core::pipeline::{CaptureOptions, Pipeline};
 use flashmat_tests::counting::{Counting, calls};
 use flashmat_tests::golden::TOY_MODEL;
 

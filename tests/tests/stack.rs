@@ -2,10 +2,10 @@
 //! on a thread that has no more. An overflow ends the test's program. `FLASHMAT_STACK_KIB` tries another limit.
 use flashmat_core::Silent;
 use flashmat_core::base::exec::Inline;
+use flashmat_core::capture::{CaptureOptions, Pipeline};
 use flashmat_core::frame::Frame;
 use flashmat_core::kernels::Kernels;
 use flashmat_core::net::Model;
-use flashmat_core::pipeline::{CaptureOptions, Pipeline};
 use std::hint::black_box;
 
 const KIB: usize = 384;

@@ -1,7 +1,7 @@
 //! The workspace that a phone has to give, bounded: it must not grow unseen.
+use flashmat_core::capture::Pipeline;
 use flashmat_core::kernels::Kernels;
 use flashmat_core::net::Model;
-use flashmat_core::pipeline::Pipeline;
 
 #[test]
 fn a_capture_at_256_takes_at_most_16_mib() {

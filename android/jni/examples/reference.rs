@@ -5,9 +5,9 @@
 //! each: name (u16 length, UTF-8), 11 layout values, field of view (kind, value, target), class, refine, number of
 //! planes, planes (i32 length, bytes in native order), then 29 numbers, 14 planes of 128 x 128 f32, and the
 //! GLB of that name (i32 length, bytes).
+use flashmat_core::capture::CaptureOptions;
 use flashmat_core::frame::{Encoding, FieldOfView, Frame, PhotoFov, Range, Rotation, YuvMatrix, YuvPlanes};
 use flashmat_core::net::{Class, Model};
-use flashmat_core::pipeline::CaptureOptions;
 use flashmat_core::{Session, SessionOptions, Silent};
 use flashmat_export::{Pictures, glb};
 use std::io::Write;

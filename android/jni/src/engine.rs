@@ -157,8 +157,8 @@ pub(crate) fn close(handle: u64) -> Result<(), Failure> {
 mod tests {
     use super::*;
     use flashmat_core::Stage;
+    use flashmat_core::capture::CaptureOptions;
     use flashmat_core::frame::Frame;
-    use flashmat_core::pipeline::CaptureOptions;
     use std::ops::ControlFlow;
     use std::sync::mpsc;
     use std::time::Duration;
@@ -274,7 +274,7 @@ mod tests {
                 })
             })
         };
-        assert!(matches!(run(Some(Stage::CrfAlbedo)), Err(Failure::Core(Error::Cancelled))));
+        assert!(matches!(run(Some(Stage::Albedo)), Err(Failure::Core(Error::Cancelled))));
         assert_eq!(run(None).expect("not cancelled"), 128);
         close(handle).expect("closes");
     }

@@ -17,4 +17,4 @@ mod progress;
 use error::{Failure, Throw};
 
 /// The number that `NativeBridge.ABI` must equal: counts changes of the exports' signatures and layouts.
-pub const ABI: i32 = 3;
+pub const ABI: i32 = 4;

@@ -1,9 +1,9 @@
 //! What a capture gives, as `com.flashmat.MaterialMaps` holds it: 14 planes of f32 in one direct buffer, numbers in a
 //! `float[]`; and pictures of them for bitmaps.
 use crate::Failure;
+use flashmat_core::capture::Capture;
 use flashmat_core::maps::{Coding, Maps, encode_row};
 use flashmat_core::net::Class;
-use flashmat_core::pipeline::Capture;
 
 /// Planes: albedo 3, normal 3, roughness 1, re-render 3, photo 3, observability 1.
 pub(crate) const PLANES: usize = 14;

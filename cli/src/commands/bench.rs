@@ -45,20 +45,8 @@ fn bench(args: &BenchArgs) -> Result<(), Failure> {
         args.runs,
         engine::levels().iter().map(|l| l.name()).collect::<Vec<_>>().join(", ")
     ));
-    say(&format!(
-        "{:>5} {:>11} {:>7} | {:>7} {:>8} {:>10} {:>10} {:>8} {:>13} {:>9} | {:>9}",
-        "size",
-        "level",
-        "threads",
-        "frame",
-        "net",
-        "crf_albedo",
-        "crf_normal",
-        "search",
-        "crf_roughness",
-        "total",
-        "workspace"
-    ));
+    let names: String = Timings::default().named().map(|(name, _)| format!(" {name:>9}")).collect();
+    say(&format!("{:>5} {:>11} {:>7} |{names} | {:>9}", "size", "level", "threads", "workspace"));
     let photo = photo();
     for &size in &args.size {
         for &level in &levels {
@@ -168,23 +156,19 @@ fn one(args: &BenchArgs, model: &Loaded<'_>, settings: &Settings, photo: &Photo)
         workspace = material.workspace_bytes;
         runs.push(material.timings_ms);
     }
-    let median = |stage: fn(&Timings) -> f64| {
-        let mut times: Vec<f64> = runs.iter().map(stage).collect();
+    let median = |column: usize| {
+        let mut times: Vec<f64> =
+            runs.iter().filter_map(|t| t.named().nth(column)).map(|(_, ms)| ms).collect();
         times.sort_by(f64::total_cmp);
         times.get(times.len() / 2).copied().unwrap_or(0.0)
     };
+    let columns = 0..Timings::default().named().count();
+    let times: String = columns.map(|column| format!(" {:>9.1}", median(column))).collect();
     say(&format!(
-        "{:>5} {:>11} {:>7} | {:>7.1} {:>8.1} {:>10.1} {:>10.1} {:>8.1} {:>13.1} {:>9.1} | {:>5.1} MiB",
+        "{:>5} {:>11} {:>7} |{times} | {:>5.1} MiB",
         settings.size,
         engine.facts().level,
         settings.threads,
-        median(|t| t.frame),
-        median(|t| t.net),
-        median(|t| t.crf_albedo),
-        median(|t| t.crf_normal),
-        median(|t| t.search),
-        median(|t| t.crf_roughness),
-        median(|t| t.total),
         workspace as f64 / f64::from(1 << 20),
     ));
     Ok(())

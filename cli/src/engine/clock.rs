@@ -1,18 +1,42 @@
 //! Stage times, by the observer's calls: the core itself has no clock.
 use flashmat_core::Stage;
+use std::collections::BTreeMap;
 use std::time::Instant;
 
-/// Milliseconds that each stage took.
-#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+/// Milliseconds that each stage took, in the order of [`Stage::ALL`].
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Deserialize)]
+#[serde(try_from = "BTreeMap<String, f64>")]
 pub(crate) struct Timings {
-    pub(crate) frame: f64,
-    pub(crate) net: f64,
-    pub(crate) crf_albedo: f64,
-    pub(crate) crf_normal: f64,
-    pub(crate) search: f64,
-    pub(crate) crf_roughness: f64,
+    pub(crate) stages: [f64; Stage::ALL.len()],
     /// The whole, with what lies between the stages.
     pub(crate) total: f64,
+}
+
+impl Timings {
+    /// Each name with its milliseconds, the whole last.
+    pub(crate) fn named(&self) -> impl Iterator<Item = (&'static str, f64)> {
+        let stages = Stage::ALL.map(Stage::name).into_iter().zip(self.stages);
+        stages.chain([("total", self.total)])
+    }
+}
+
+impl TryFrom<BTreeMap<String, f64>> for Timings {
+    type Error = String;
+
+    fn try_from(named: BTreeMap<String, f64>) -> Result<Self, String> {
+        let of = |name: &str| named.get(name).copied().ok_or_else(|| format!("no time of {name}"));
+        let mut timings = Self { total: of("total")?, ..Self::default() };
+        for (stage, spent) in Stage::ALL.into_iter().zip(&mut timings.stages) {
+            *spent = of(stage.name())?;
+        }
+        Ok(timings)
+    }
+}
+
+impl serde::Serialize for Timings {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_map(self.named())
+    }
 }
 
 /// Runs from its making on.
@@ -40,14 +64,8 @@ impl StageClock {
 
     fn close(&mut self) {
         let Some((stage, since)) = self.current.take() else { return };
-        let spent = match stage {
-            Stage::Frame => &mut self.spent.frame,
-            Stage::Net => &mut self.spent.net,
-            Stage::CrfAlbedo => &mut self.spent.crf_albedo,
-            Stage::CrfNormal => &mut self.spent.crf_normal,
-            Stage::Search => &mut self.spent.search,
-            Stage::CrfRoughness => &mut self.spent.crf_roughness,
-        };
+        let at = Stage::ALL.iter().position(|&s| s == stage);
+        let Some(spent) = at.and_then(|at| self.spent.stages.get_mut(at)) else { return };
         *spent += milliseconds(since);
     }
 
@@ -62,4 +80,20 @@ impl StageClock {
 /// Whole microseconds since `since`, in milliseconds.
 fn milliseconds(since: Instant) -> f64 {
     since.elapsed().as_micros() as f64 / 1000.0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Names in the order of the stages, each with its own time; a file that lacks one is refused.
+    #[test]
+    fn timings_are_written_by_name_and_read_again() {
+        let stages = std::array::from_fn(|i| i as f64 + 0.5);
+        let timings = Timings { stages, total: 99.0 };
+        let text = serde_json::to_string(&timings).expect("written");
+        assert!(text.starts_with(r#"{"frame":0.5,"global":1.5,"flash":2.5,"#), "{text}");
+        assert_eq!(serde_json::from_str::<Timings>(&text).expect("read"), timings);
+        assert!(serde_json::from_str::<Timings>(&text.replace("flash", "flush")).is_err());
+    }
 }

@@ -1,9 +1,9 @@
 //! `material.glb` is valid glTF: by the `gltf` crate, and by the Khronos validator where it is installed.
 
 use crate::common::{Folder, capture, photo, stderr};
+use flashmat_core::capture::CaptureOptions;
 use flashmat_core::frame::Frame;
 use flashmat_core::net::{Class, Model};
-use flashmat_core::pipeline::CaptureOptions;
 use flashmat_core::{Session, SessionOptions, Silent};
 use flashmat_export::{Pictures, glb};
 use std::path::PathBuf;

@@ -1,7 +1,7 @@
 //! Planes and smaller ones of the same picture: area averages down, bilinear interpolation up.
 //!
 //! The network's looks are joined so (`net/scales`), albedo is filled in so below highlights (`highlight`), and photos larger
-//! than the CRFs' grid are refined so (`pipeline/reduced`).
+//! than the CRFs' grid are refined so (`capture/reduced`).
 use crate::Error;
 use crate::base::arena::Arena;
 use crate::base::exec::{Executor, Plane, ROWS_PER_BLOCK, for_each_row_block};

@@ -204,7 +204,7 @@ impl<'m> Network<'m> {
         let layers = self.model.graph.layers();
         let mut next = 0;
         while next < layers.len() {
-            if observer.progress(Stage::Net, next as f32 / layers.len() as f32).is_break() {
+            if observer.progress(Stage::Global, next as f32 / layers.len() as f32).is_break() {
                 return Err(Error::Cancelled);
             }
             let batch = self.batch(next);

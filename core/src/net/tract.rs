@@ -105,7 +105,7 @@ impl Inference for FloatNetwork<'_> {
         check_planes(self.size, 3, maps.albedo.len())?;
         check_planes(self.size, 3, maps.normal.len())?;
         check_planes(self.size, 1, maps.roughness.len())?;
-        if observer.progress(Stage::Net, 0.0).is_break() {
+        if observer.progress(Stage::Global, 0.0).is_break() {
             return Err(Error::Cancelled);
         }
         let outputs = self.outputs(photo)?;

@@ -99,7 +99,7 @@ fn weight(photo: f32, predicted: f32) -> (f32, bool) {
 }
 
 /// What a re-render is lit with: the flash and, evenly, the room.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Lights {
     /// Factor of a render made with light strength 1.
     pub flash: f32,

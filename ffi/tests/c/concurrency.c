@@ -125,7 +125,7 @@ typedef struct meddler {
 static int32_t meddle(void *user, uint32_t stage, float fraction) {
     meddler *m = (meddler *)user;
     CHECK(stage > m->last_stage || fraction >= m->last_fraction);
-    CHECK(fraction >= 0.0f && fraction <= 1.0f && stage <= FLASHMAT_STAGE_CRF_ROUGHNESS);
+    CHECK(fraction >= 0.0f && fraction <= 1.0f && stage <= FLASHMAT_STAGE_RELIGHT);
     m->last_stage = stage;
     m->last_fraction = fraction;
     m->calls++;

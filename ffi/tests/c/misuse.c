@@ -383,7 +383,7 @@ static void names(void) {
     CHECK(flashmat_status_name(i)[0] == '\0' && flashmat_status_text(-1)[0] == '\0');
     CHECK(strcmp(flashmat_class_name(FLASHMAT_CLASS_STONE_SPEC), "stone-spec") == 0);
     CHECK(flashmat_class_name(0)[0] == '\0' && flashmat_class_name(9)[0] == '\0');
-    CHECK(strcmp(flashmat_stage_name(FLASHMAT_STAGE_FRAME), "frame") == 0 && flashmat_stage_name(6)[0] == '\0');
+    CHECK(strcmp(flashmat_stage_name(FLASHMAT_STAGE_FRAME), "frame") == 0 && flashmat_stage_name(FLASHMAT_STAGE_RELIGHT + 1)[0] == '\0');
     CHECK(strcmp(flashmat_level_name(FLASHMAT_LEVEL_I8MM), "i8mm") == 0 && flashmat_level_name(0)[0] == '\0');
     CHECK(flashmat_level_name(0xFFFFFFFFu)[0] == '\0');
 }

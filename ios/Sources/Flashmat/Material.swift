@@ -31,22 +31,32 @@ public enum MaterialClass: UInt32, Sendable, CaseIterable {
 
 /// The stages of a capture, in their order.
 public enum CaptureStage: UInt32, Sendable, CaseIterable, Comparable {
-    /// Photo to linear RGB at the network's size.
+    /// Photo to linear RGB at the maps' size.
     case frame
-    /// Class probabilities and first maps.
-    case net
+    /// The network: class probabilities and first maps.
+    case global
+    /// Where the flash is beside the camera.
+    case flash
+    /// Albedo below highlights.
+    case highlight
     /// Refinement of the albedo.
-    case crfAlbedo
+    case albedo
+    /// Texture of the albedo that a highlight burnt out.
+    case texture
     /// Refinement of the normals.
-    case crfNormal
+    case normal
     /// Light scale and roughness search.
     case search
     /// Refinement of the roughness.
-    case crfRoughness
+    case roughness
+    /// Roughness below highlights.
+    case level
+    /// Re-render, lights and residual.
+    case relight
 
     public static func < (a: Self, b: Self) -> Bool { a.rawValue < b.rawValue }
 
-    /// The name that reports use, such as "crf_albedo".
+    /// The name that reports use, such as "albedo".
     public var name: String { String(cString: flashmat_stage_name(rawValue)) }
 }
 

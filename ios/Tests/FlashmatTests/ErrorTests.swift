@@ -65,6 +65,10 @@ final class ErrorTests: XCTestCase {
             MaterialClass.allCases.map(\.name),
             ["fabric", "ground", "leather", "metal", "stone-diff", "stone-spec", "polymer", "wood"])
         XCTAssertEqual(
-            CaptureStage.allCases.map(\.name), ["frame", "net", "crf_albedo", "crf_normal", "search", "crf_roughness"])
+            CaptureStage.allCases.map(\.name),
+            [
+                "frame", "global", "flash", "highlight", "albedo", "texture", "normal", "search", "roughness", "level",
+                "relight",
+            ])
     }
 }

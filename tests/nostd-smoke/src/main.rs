@@ -12,7 +12,7 @@ use flashmat_core::frame::Frame;
 use flashmat_core::base::simd::Level;
 use flashmat_core::kernels::Kernels;
 use flashmat_core::net::Model;
-use flashmat_core::pipeline::{CaptureOptions, Pipeline};
+use flashmat_core::capture::{CaptureOptions, Pipeline};
 use flashmat_core::{Error, Silent};
 
 /// The toy model of the golden files.

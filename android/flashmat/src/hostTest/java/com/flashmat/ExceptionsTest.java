@@ -181,7 +181,7 @@ final class ExceptionsTest {
         RuntimeException caught = assertThrows(
                 RuntimeException.class,
                 () -> engine.capture(Toy.frame(), CaptureOptions.DEFAULT, (stage, fraction) -> {
-                    if (stage == Stage.CRF_ALBEDO) {
+                    if (stage == Stage.ALBEDO) {
                         throw mine;
                     }
                     return true;

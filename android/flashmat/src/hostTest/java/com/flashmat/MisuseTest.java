@@ -276,7 +276,7 @@ final class MisuseTest {
                         MaterialMaps maps = engine.capture(Toy.frame(), CaptureOptions.DEFAULT, (stage, fraction) -> {
                             if (stage == Stage.FRAME && fraction == 0) {
                                 assertFalse(busy.getAndSet(true), "one at a time");
-                            } else if (stage == Stage.CRF_ROUGHNESS && fraction == 1) {
+                            } else if (stage == Stage.RELIGHT && fraction == 1) {
                                 busy.set(false);
                             }
                             return true;
@@ -322,12 +322,12 @@ final class MisuseTest {
                 FlashmatException.Cancelled.class,
                 () -> engine.capture(Toy.frame(), CaptureOptions.DEFAULT, (stage, fraction) -> {
                     seen.add(stage);
-                    if (stage == Stage.CRF_ALBEDO) {
+                    if (stage == Stage.ALBEDO) {
                         engine.cancel();
                     }
                     return true;
                 }));
-        assertSame(Stage.CRF_ALBEDO, seen.get(seen.size() - 1));
+        assertSame(Stage.ALBEDO, seen.get(seen.size() - 1));
         engine.cancel();
         assertEquals(Toy.SIZE, engine.capture(Toy.frame()).size(), "a cancel before the call is not its");
         assertThrows(

@@ -8,7 +8,7 @@ import java.nio.ByteBuffer;
  */
 final class NativeBridge {
     /** Counts changes of the signatures and layouts below; the native library has the same number. */
-    static final int ABI = 3;
+    static final int ABI = 4;
     /** Planes of f32 in a maps buffer: albedo 3, normal 3, roughness, re-render 3, photo 3, observability. */
     static final int PLANES = 14;
     /** Numbers of a capture: see {@link MaterialMaps}. */

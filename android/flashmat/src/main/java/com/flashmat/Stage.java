@@ -4,18 +4,28 @@ import androidx.annotation.NonNull;
 
 /** The stages of a capture, in the order in which they run. */
 public enum Stage {
-    /** Photo to linear RGB at the network's size. */
+    /** Photo to linear RGB at the maps' size. */
     FRAME("frame"),
-    /** Class probabilities and first maps. */
-    NET("net"),
+    /** The network: class probabilities and first maps. */
+    GLOBAL("global"),
+    /** Where the flash is beside the camera. */
+    FLASH("flash"),
+    /** Albedo below highlights. */
+    HIGHLIGHT("highlight"),
     /** Refinement of the albedo. */
-    CRF_ALBEDO("crf_albedo"),
+    ALBEDO("albedo"),
+    /** Texture of the albedo that a highlight burnt out. */
+    TEXTURE("texture"),
     /** Refinement of the normals. */
-    CRF_NORMAL("crf_normal"),
-    /** Light scale and per-pixel roughness search. */
+    NORMAL("normal"),
+    /** Light scale and roughness search. */
     SEARCH("search"),
     /** Refinement of the roughness. */
-    CRF_ROUGHNESS("crf_roughness");
+    ROUGHNESS("roughness"),
+    /** Roughness below highlights. */
+    LEVEL("level"),
+    /** Re-render, lights and residual. */
+    RELIGHT("relight");
 
     private static final Stage[] ALL = values();
 

@@ -1,38 +1,64 @@
-//! What a caller sees of a run while it goes on, and how it stops one.
+//! The stages of a capture by name, and what a caller sees of a run while it goes on.
 use core::ops::ControlFlow;
 
 /// The stages of a capture, in the order in which they run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Stage {
-    /// Photo to linear RGB at the network's size.
+    /// Photo to linear RGB at the maps' size; its exposure is checked.
     Frame,
-    /// Class probabilities and first maps.
-    Net,
+    /// The network: class probabilities and first maps.
+    Global,
+    /// Where the flash is beside the camera.
+    Flash,
+    /// Albedo below highlights, filled in from around them.
+    Highlight,
     /// Refinement of the albedo.
-    CrfAlbedo,
+    Albedo,
+    /// Texture of the albedo that a highlight burnt out.
+    Texture,
     /// Refinement of the normals.
-    CrfNormal,
+    Normal,
     /// Light scale and per-pixel roughness search.
     Search,
     /// Refinement of the roughness.
-    CrfRoughness,
+    Roughness,
+    /// Roughness below highlights, filled in from around them.
+    Level,
+    /// Re-render, lights and residual.
+    Relight,
 }
 
 impl Stage {
     /// All stages, in order.
-    pub const ALL: [Self; 6] =
-        [Self::Frame, Self::Net, Self::CrfAlbedo, Self::CrfNormal, Self::Search, Self::CrfRoughness];
+    pub const ALL: [Self; 11] = [
+        Self::Frame,
+        Self::Global,
+        Self::Flash,
+        Self::Highlight,
+        Self::Albedo,
+        Self::Texture,
+        Self::Normal,
+        Self::Search,
+        Self::Roughness,
+        Self::Level,
+        Self::Relight,
+    ];
 
     /// The name that reports use (`timings_ms` of the command line's `report.json`).
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
             Self::Frame => "frame",
-            Self::Net => "net",
-            Self::CrfAlbedo => "crf_albedo",
-            Self::CrfNormal => "crf_normal",
+            Self::Global => "global",
+            Self::Flash => "flash",
+            Self::Highlight => "highlight",
+            Self::Albedo => "albedo",
+            Self::Texture => "texture",
+            Self::Normal => "normal",
             Self::Search => "search",
-            Self::CrfRoughness => "crf_roughness",
+            Self::Roughness => "roughness",
+            Self::Level => "level",
+            Self::Relight => "relight",
         }
     }
 }

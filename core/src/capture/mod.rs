@@ -1,15 +1,13 @@
-//! The chain of calls: frame, net, crf/albedo, crf/normal, search, crf/roughness, maps.
+//! A capture: the stages of [`Stage::ALL`] in their order. [`run`] has a line for each, and `chain` a method.
 //!
-//! Each stage takes what the stage before gave (`stages`), so none can be called out of order. Everything lies in the
-//! caller's workspace, whose size [`Pipeline::workspace_bytes`] tells before the run; a run allocates nothing and does
+//! Everything lies in the caller's workspace, whose size [`Pipeline::workspace_bytes`] tells before the run; a run allocates nothing and does
 //! not panic, and its bits depend on neither level nor threads.
+mod chain;
 mod reduced;
-mod stages;
 
 use crate::base::arena::{Arena, bytes_for};
 use crate::base::exec::{At, Executor, within};
 use crate::base::simd::Simd;
-use crate::brdf::{self, Scene};
 use crate::crf::{self, Albedo, Normal, Roughness};
 use crate::frame::{self, FieldOfView, Frame, LinearImage};
 use crate::highlight;
@@ -17,10 +15,10 @@ use crate::kernels::Kernels;
 use crate::maps::Maps;
 use crate::net::scales::Scales;
 use crate::net::{Class, ClassProbabilities, Inference, Model, Network};
-use crate::search::{self, Lights};
+use crate::search;
 use crate::{Error, Observer, Stage};
+use chain::Chain;
 use core::ops::ControlFlow;
-use stages::{First, Refined};
 
 /// What a caller may choose for one capture.
 #[derive(Clone, Copy, Debug)]
@@ -150,14 +148,14 @@ pub fn workspace_bytes(engine: &dyn Inference) -> usize {
         .saturating_add(crate::base::arena::ALIGN)
 }
 
-/// One photo through all stages with any engine; the capture lies in `workspace`.
+/// One photo through all stages, its first maps from `inference`; the capture lies in `workspace`.
 ///
 /// # Errors
 /// [`Error::Cancelled`] when the observer says so, [`Error::LightScale`], [`Error::WorkspaceTooSmall`],
-/// [`Error::NoUsablePixels`] when the photo is clipped all over in every channel, [`Error::PhotoBlack`], and what the stages say of wrong
-/// sizes.
+/// [`Error::NoUsablePixels`] when the photo is clipped all over in every channel, [`Error::PhotoBlack`], and what the
+/// stages say of wrong sizes.
 pub fn run<'a>(
-    engine: &dyn Inference,
+    inference: &dyn Inference,
     frame: &Frame<'_>,
     options: &CaptureOptions,
     exec: &dyn Executor,
@@ -167,75 +165,46 @@ pub fn run<'a>(
     if options.light_scale.is_some_and(|scale| !LIGHT_SCALES.contains(&scale)) {
         return Err(Error::LightScale);
     }
-    let size = engine.size();
-    let mut arena = Arena::new(workspace);
-    let photo = staged(observer, Stage::Frame, |_| {
-        within(exec, || {
-            let photo = frame::prepare(frame, size, &options.fov, exec, &mut arena)?;
-            let exposure = search::check_exposure(&photo, exec)?;
-            Ok(LinearImage { exposure, light_scale: options.light_scale, ..photo })
-        })
-    })?;
-    let run = stages::Run { photo, options, exec };
-    let first = staged(observer, Stage::Net, |observer| First::infer(&run, engine, &mut arena, observer))?;
-    let model = engine.model();
-    let (run, albedo) = staged(observer, Stage::CrfAlbedo, |observer| {
-        let mut steps = Steps { observer, stage: Stage::CrfAlbedo };
-        let run = within(exec, || first.lit(&run, &mut arena))?;
-        steps.at(0.1)?;
-        let albedo = first.albedo(&run, model, &mut arena, &mut steps)?;
-        Ok((run, albedo))
-    })?;
-    let photo = run.photo;
-    let normal = staged(observer, Stage::CrfNormal, |observer| {
-        albedo.normal(&run, &mut arena, &mut Steps { observer, stage: Stage::CrfNormal })
-    })?;
-    let searched = staged(observer, Stage::Search, |observer| {
-        normal.search(&run, &mut arena, &mut Steps { observer, stage: Stage::Search })
-    })?;
-    // The re-render belongs to the last stage: after its end nothing is left to do, and nothing to cancel.
-    staged(observer, Stage::CrfRoughness, |observer| {
-        let mut steps = Steps { observer, stage: Stage::CrfRoughness };
-        let Refined { maps, observability, classification, f0, solver } =
-            searched.roughness(&run, &mut arena, &mut steps)?;
-        let render = arena.take::<f32>(3 * size * size)?;
-        let maps = Maps { size, albedo: maps.albedo, normal: maps.normal, roughness: maps.roughness };
-        let lights = relight(&maps, f0, &photo, exec, render, &mut steps)?;
-        let residual = within(exec, || search::residual(&photo, render, exec))?;
-        Ok(Capture {
-            maps,
-            photo,
-            residual,
-            render,
-            observability,
-            class: options.class.unwrap_or_else(|| classification.predicted.best()),
-            probabilities: classification.predicted,
-            f0,
-            light_scale: lights.flash,
-            room_light: lights.room,
-            solver,
-        })
-    })
+    let (size, arena) = (inference.size(), &mut Arena::new(workspace));
+    let mut chain = stage(Stage::Frame, observer, exec, || Chain::frame(frame, size, options, exec, arena))?;
+    staged(Stage::Global, observer, |steps| chain.global(inference, exec, arena, steps.observer))?;
+    stage(Stage::Flash, observer, exec, || chain.flash(exec, arena))?;
+    stage(Stage::Highlight, observer, exec, || chain.highlight(exec, arena))?;
+    staged(Stage::Albedo, observer, |steps| chain.albedo(exec, arena, steps))?;
+    stage(Stage::Texture, observer, exec, || chain.texture(exec, arena))?;
+    staged(Stage::Normal, observer, |steps| chain.normal(exec, arena, steps))?;
+    staged(Stage::Search, observer, |steps| chain.search(exec, arena, steps))?;
+    staged(Stage::Roughness, observer, |steps| chain.roughness(exec, arena, steps))?;
+    stage(Stage::Level, observer, exec, || chain.level(exec, arena))?;
+    staged(Stage::Relight, observer, |steps| chain.relight(exec, arena, steps))?;
+    Ok(chain.capture())
+}
+
+/// Runs a stage that is one step: many joins, and nothing told on its way.
+fn stage<T: Send>(
+    stage: Stage,
+    observer: &mut dyn Observer,
+    exec: &dyn Executor,
+    work: impl FnOnce() -> Result<T, Error> + Send,
+) -> Result<T, Error> {
+    staged(stage, observer, |_| within(exec, work))
 }
 
 /// Runs one stage between its two progress calls.
 fn staged<T>(
-    observer: &mut dyn Observer,
     stage: Stage,
-    work: impl FnOnce(&mut dyn Observer) -> Result<T, Error>,
+    observer: &mut dyn Observer,
+    work: impl FnOnce(&mut Steps<'_>) -> Result<T, Error>,
 ) -> Result<T, Error> {
-    if observer.progress(stage, 0.0).is_break() {
-        return Err(Error::Cancelled);
-    }
-    let result = work(observer)?;
-    if observer.progress(stage, 1.0).is_break() {
-        return Err(Error::Cancelled);
-    }
+    let mut steps = Steps { observer, stage };
+    steps.at(0.0)?;
+    let result = work(&mut steps)?;
+    steps.at(1.0)?;
     Ok(result)
 }
 
-/// Tells the observer, within one stage, what is done of it; asks it, on the thread that runs the capture, whether to go on.
-/// No step takes longer than some hundredths of a second at 1024² on one core.
+/// Tells the observer, within one stage, what is done of it; asks it, on the thread that runs the capture, whether to
+/// go on. No step takes longer than some hundredths of a second at 1024² on one core.
 struct Steps<'o> {
     observer: &'o mut dyn Observer,
     stage: Stage,
@@ -250,27 +219,8 @@ impl Steps<'_> {
         if self.observer.progress(self.stage, fraction).is_break() { Err(Error::Cancelled) } else { Ok(()) }
     }
 
-    /// The progress of a part of the stage, from one fraction to another.
-    fn part(&mut self, from: f32, to: f32) -> impl FnMut(f32) -> ControlFlow<()> {
-        move |part| self.observer.progress(self.stage, from + (to - from) * part)
+    /// The progress of the stage's last part, which begins when `done` of it is done.
+    fn rest(&mut self, done: f32) -> impl FnMut(f32) -> ControlFlow<()> {
+        move |part| self.observer.progress(self.stage, done + (1.0 - done) * part)
     }
-}
-
-/// Renders the maps as the photo saw them, under flash and room; returns these lights.
-fn relight(
-    maps: &Maps<'_>,
-    f0: f32,
-    photo: &LinearImage<'_>,
-    exec: &dyn Executor,
-    render: &mut [f32],
-    steps: &mut Steps<'_>,
-) -> Result<Lights, Error> {
-    within(exec, || brdf::render(maps, f0, &Scene::of(photo), exec, render))?;
-    steps.at(0.9)?;
-    let lights = within(exec, || search::lights(photo, render, maps.albedo, exec))?;
-    steps.at(0.95)?;
-    for (value, albedo) in render.iter_mut().zip(maps.albedo) {
-        *value = lights.flash * (*value + lights.room * albedo);
-    }
-    Ok(lights)
 }
