@@ -15,8 +15,8 @@
 //!
 //! Roughness is filled in likewise ([`level_roughness`]).
 //!
-//! Not in the paper. docs/experiments.md has what it changes on test photos. Texture that is burnt out with the highlight comes back
-//! from elsewhere in the photo: [`retexture`].
+//! Not in the paper. docs/decisions/016-inpaint-albedo.md has what it changes on test photos. Texture that is burnt out
+//! with the highlight comes back from elsewhere in the photo: [`retexture`].
 mod roughness;
 mod texture;
 

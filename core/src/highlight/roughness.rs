@@ -5,7 +5,7 @@
 //! albedo is ([`super::restore`]: the same weights, the same system), by differences and not by ratios, once. A difference near
 //! [`SPREAD`] or more is rather another material, and hardly believed.
 //!
-//! Not in the paper. docs/experiments.md has what it changes.
+//! Not in the paper. docs/decisions/020-inpaint-roughness.md has what it changes.
 use super::{Look, fill, sizes};
 use crate::Error;
 use crate::base::arena::{Arena, bytes_for};

@@ -14,7 +14,8 @@
 //! At full size each pixel blends the textures at the four nearest cells' offsets, bilinearly; a cell that lost nothing has
 //! offset 0. The windows were chosen to agree where they overlap, so the blend keeps their contrast.
 //!
-//! Not in the paper. What it adds is likely, not seen: the errors of albedo cannot show its worth (docs/experiments.md).
+//! Not in the paper. What it adds is likely, not seen: the errors of albedo cannot show its worth
+//! (docs/decisions/017-inpaint-texture.md).
 use super::{FLOOR, Look, SEEN, sizes};
 use crate::Error;
 use crate::base::arena::{Arena, bytes_for};

@@ -8,12 +8,13 @@
 //! slope, roughness by difference. A network that was trained at the full size too
 //! ([`Defaults::top_size`](super::format::Defaults)) knows it all there as well: then what is large in normals is the
 //! mean of both runs, which errs less than either; albedo and roughness, which the light's falloff and the highlight's
-//! shape tell, stay the base run's (docs/experiments.md). The class is what the full-size run says, for a material's texture shows there;
-//! so it comes first, and the base run's heads are mixed by its answer, without a classifier of their own.
+//! shape tell, stay the base run's (docs/decisions/015-full-size-run.md). The class is what the full-size run says, for
+//! a material's texture shows there; so it comes first, and the base run's heads are mixed by its answer, without a
+//! classifier of their own.
 //!
-//! Flash and camera are at the centre, so a mirrored photo is a photo of the mirrored material, and what the network says of
-//! it, mirrored back, is a second opinion: the mean of both errs less than either (docs/experiments.md). The base run is
-//! the cheap one to do twice.
+//! Flash and camera are at the centre, so a mirrored photo is a photo of the mirrored material, and what the network
+//! says of it, mirrored back, is a second opinion: the mean of both errs less than either
+//! (docs/decisions/014-mirrored-run.md). The base run is the cheap one to do twice.
 //!
 //! Not in the paper, whose photos all have the training size (docs/paper-notes.md).
 use super::{Classification, Model};
