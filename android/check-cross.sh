@@ -94,7 +94,7 @@ if wanted link && [ -e "$lib" ]; then
   llvm-readelf -hld --dyn-syms "$lib" >"$out/elf.txt"
   grep -q 'Machine:.*AArch64' "$out/elf.txt" || fail "not an AArch64 library"
   # Exports: exactly the native methods of NativeBridge.java, less the test hook.
-  sed -n 's/.*static native [a-zA-Z]* \([a-zA-Z]*\)(.*/Java_com_flashmat_NativeBridge_\1/p' \
+  sed -n 's/.*static native [][a-zA-Z]* \([a-zA-Z]*\)(.*/Java_com_flashmat_NativeBridge_\1/p' \
     "$here/flashmat/src/main/java/com/flashmat/NativeBridge.java" | grep -v '_fail$' | sort >"$out/natives.txt"
   llvm-nm -D --defined-only "$lib" | awk '{print $NF}' | sed 's/@.*//' | sort >"$out/exports.txt"
   diff "$out/natives.txt" "$out/exports.txt" || fail "the library's exports (>) are not NativeBridge's natives (<)"

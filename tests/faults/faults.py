@@ -1,8 +1,8 @@
 """Kills the program at every system call of a commit, and lets every call of it that changes the disk fail.
 
-    faults.py FLASHMAT WORKDIR
+    faults.py FLASHMAT WORKDIR [CALL...]
 
-Needs strace. A capture replaces an older result of another size, beside a note of the user's. For each system call of the
+With names of system calls, only these. Needs strace. A capture replaces an older result of another size, beside a note of the user's. For each system call of the
 list below and each time that the run makes it, the run is repeated with a kill, or an error, injected there. Each time:
 all maps and the report of the result are of one run (the old or the new one), the note is there, a run that says that it
 went well has the new result, and a further run completes and leaves nothing hidden. Prints a table of counts; exit
@@ -142,7 +142,8 @@ def main() -> int:
     trial = Trial(os.path.abspath(sys.argv[1]), Path(sys.argv[2]).resolve())
     count, before = trial.counts()
     table, wrong = Counter(), []
-    for call in CALLS:
+    chosen = sys.argv[3:] or CALLS
+    for call in chosen:
         for when in range(before.get(call, 0) + 1, count[call] + 1):
             for what in ["signal=KILL", *("error=" + e for e in ERRORS.get(call, []))]:
                 found = trial.spoilt(call, what, when)

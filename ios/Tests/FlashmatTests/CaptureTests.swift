@@ -118,7 +118,7 @@ final class CaptureTests: XCTestCase {
             do { _ = try await engine.capture(Support.photo(), progress: progress) } catch is CancellationError { return true }
             return false
         }
-        for await step in progress.steps where step.stage >= .net {
+        for await step in progress.steps where step.stage >= .global {
             during.cancel()
         }
         let wasDuring = try await during.value
