@@ -1,12 +1,13 @@
 #!/usr/bin/env bash
 # Passes every test of the project: format, lints, Rust tests, the no_std builds, the training kit.
 # Needs cargo (the toolchain of rust-toolchain.toml), python3 >= 3.11 with venv, and a network for their packages.
-#   ./ci.sh            everything
+#   ./ci.sh            everything but the fuzzers
 #   ./ci.sh rust       only the Rust half        ./ci.sh train     only the training kit
 #   ./ci.sh ffi        only the C library's checks beyond the Rust tests (its C tests are among those)
 #   ./ci.sh swift      only the Swift package (sets up a Swift toolchain below target/ where it can: root, Debian)
 #   ./ci.sh counts     only the instruction counts of the hot stages (x86-64; installs valgrind where it can: root, Debian)
 #   ./ci.sh viewer     only the glTF of the samples in a validator and a viewer (node, Chromium)
+#   ./ci.sh fuzz       only the fuzzers, 20 s each (a C++ compiler); not yet part of everything
 #   ./ci.sh android    only the Android library (a JDK; fetches JUnit, Kotlin's compiler, a cross toolchain)
 set -euo pipefail
 cd "$(dirname "$0")"
@@ -71,6 +72,12 @@ viewer() {
   tests/viewer/check.sh ${flashmat:+"$flashmat"}
 }
 
+fuzz() {
+  step "fuzzers: built, and each run for 20 s"
+  cargo fmt --manifest-path fuzz/Cargo.toml --check
+  fuzz/run.sh all 20
+}
+
 packages() {
   if [ ! -x "$venv/bin/ruff" ]; then
     step "Python packages"
@@ -130,7 +137,8 @@ case $part in
   swift) swift_package ;;
   android) android ;;
   viewer) viewer ;;
+  fuzz) fuzz ;;
   train) train ;;
-  *) echo "ci.sh: no part named '$part'; say all, rust, counts, ffi, swift, android, viewer or train" >&2; exit 2 ;;
+  *) echo "ci.sh: no part named '$part'; say all, rust, counts, ffi, swift, android, viewer, fuzz or train" >&2; exit 2 ;;
 esac
 step "all passed"

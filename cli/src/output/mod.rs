@@ -56,3 +56,34 @@ fn write_glb(out: &mut dyn Write, name: &str, material: &Material) -> io::Result
     let file = glb::file(&file).map_err(io::Error::other)?;
     file.parts().into_iter().try_for_each(|part| out.write_all(part))
 }
+
+/// The files of [`write_all`] without a disk, maps in both depths; the sheet only if asked. For the fuzzers.
+pub(crate) fn in_memory(
+    name: &str,
+    material: &Material,
+    facts: &Facts,
+    source: &Source,
+    sheet: bool,
+) -> io::Result<Vec<(&'static str, Vec<u8>)>> {
+    let mut files = Vec::new();
+    let mut file = |name, write: &dyn Fn(&mut dyn Write) -> io::Result<()>| -> io::Result<()> {
+        let mut bytes = Vec::new();
+        write(&mut bytes)?;
+        files.push((name, bytes));
+        Ok(())
+    };
+    let maps = material.maps.view();
+    for depth in [Depth::Eight, Depth::Sixteen] {
+        file("albedo.png", &|f| png::albedo(f, &maps, depth))?;
+        file("normal.png", &|f| png::normal(f, &maps, depth))?;
+        file("roughness.png", &|f| png::roughness(f, &maps, depth))?;
+        file("render.png", &|f| png::linear(f, &material.render, maps.size, depth))?;
+    }
+    if sheet {
+        let relit = light::from_the_side(material).map_err(io::Error::other)?;
+        file("sheet.png", &|f| sheet::write(f, name, material, &relit))?;
+    }
+    file("material.glb", &|f| write_glb(f, name, material))?;
+    file(owner::REPORT, &|f| report::Report::new(material, facts, source).write(f))?;
+    Ok(files)
+}
